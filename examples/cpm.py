@@ -31,7 +31,7 @@ from genie_sim.extend import (
     Detection,
     Detections,
     Effect,
-    Existence,
+    ExistenceFilter,
     Header,
     HostConfig,
     HostContext,
@@ -154,7 +154,7 @@ class Listening(Interceptor):
         self.name, self._car = f"{host.name}{topic}", host.name
         self._topic, self._every_ns = topic, every_ns
         (self._images,), (self._objects,) = topics
-        self._tracks = TrackMap(Existence(laws=host.laws))
+        self._tracks = TrackMap(ExistenceFilter(laws=host.laws))
         self._heard = HeardObjects()
         self._frames: dict[Header, Image] = {}  # that the detector has
         self._told_ns: int | None = None  # the stamp of the frame with which it told last
@@ -186,7 +186,7 @@ class Listening(Interceptor):
 
     def own(self, now_ns: int) -> Objects:
         """What the car has seen and takes to be there, each where it was seen."""
-        existences = {track: self._tracks.existence(track, now_ns) for track in self._tracks}
+        existences = {track: self._tracks.probability(track, now_ns) for track in self._tracks}
         return {
             (self._car, track.number): track.as_detection(track.seen_ns, existence)
             for track, existence in existences.items()

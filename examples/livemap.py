@@ -30,7 +30,7 @@ from genie_sim.extend import (
     Detection,
     Detections,
     Effect,
-    Existence,
+    ExistenceFilter,
     Expired,
     Header,
     HostConfig,
@@ -95,7 +95,7 @@ class LiveMap(Method):
     def _server(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "MapServer":
-        tracks = TrackMap(Existence(laws=host.laws))
+        tracks = TrackMap(ExistenceFilter(laws=host.laws))
         return MapServer(f"{host.name}/map", tracks, self.every_ns, subscribed, published)
 
 
@@ -274,7 +274,7 @@ class MapServer(Interceptor):
     def _around(self, car: Look, now_ns: int) -> Iterator[Detection]:
         """The map around a car: each object, with the other cars that have seen it lately."""
         for track in self._tracks:
-            existence = self._tracks.existence(track, now_ns)
+            existence = self._tracks.probability(track, now_ns)
             away_m = math.dist(track.place(now_ns), car.pose[:2])
             if existence < self._tracks.p_min or not SELF_M < away_m <= REACH_M:
                 continue

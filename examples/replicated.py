@@ -21,6 +21,7 @@ from genie_sim.extend import (
     REMOTE,
     REMOTE_UPLINK,
     Choice,
+    Costs,
     Effect,
     Header,
     HostConfig,
@@ -67,7 +68,7 @@ class Replicated(Method):
         return HostConfig(
             interceptor=partial(FirstAnswer, f"{host.name}/replicator"),
             uplink=REMOTE_UPLINK,
-            costs_nothing=True,
+            costs=Costs(is_free=True),
         )
 
     def wire(self, network: Network) -> None:

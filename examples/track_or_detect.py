@@ -24,7 +24,7 @@ from genie_sim.extend import (
     Bounds,
     Detections,
     Effect,
-    Existence,
+    ExistenceFilter,
     Expired,
     HostConfig,
     HostContext,
@@ -109,7 +109,7 @@ class Tracking(Method):
     def _handler(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "Handler":
-        state = self.choice(), TrackMap(Existence(laws=host.laws), view_range_m=VIEW_M)
+        state = self.choice(), TrackMap(ExistenceFilter(laws=host.laws), view_range_m=VIEW_M)
         return Handler(f"{host.name}/tracker", state, subscribed, published)
 
 
@@ -184,7 +184,7 @@ class Handler(LocalAndRemote):
         lost, self._at_edge = self._at_edge, None
         return self._tracked(lost, now_ns) + self._handle(now_ns)
 
-    def on_void(self) -> list[Observation]:
+    def on_memory_lost(self) -> list[Observation]:
         return [Expired(image.header) for image in self._waiting]
 
     def _handle(self, now_ns: int) -> list[Effect]:

@@ -187,14 +187,14 @@ class VerifiedCache(SimilarityCache):
         self, key: FeatureKey, answer: Answer, stored: FeatureKey, similarity: float
     ) -> bool:
         """Learns from an exploration; what was evicted meanwhile teaches nothing."""
-        if stored not in self._answers:
+        if stored not in self.answers:
             return False
         was_same = are_same(self.objects_of([answer], key.pose), self.stored_objects(stored))
         self.law(stored).observe(similarity, was_same)
         return was_same
 
-    def _remove(self, key: Hashable) -> None:
-        super()._remove(key)
+    def remove(self, key: Hashable) -> None:
+        super().remove(key)
         if isinstance(key, FeatureKey):
             self._laws.pop(key, None)
 

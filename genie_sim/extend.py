@@ -7,250 +7,219 @@ changes inside. Times are whole nanoseconds, sizes bytes, places metres; a setti
 name.
 """
 
-# ruff: noqa: I001, RUF022  (in the order of what one writes)
+# ruff: noqa: I001  (in the order of what one writes; "as" says that a name is offered here)
 
 # Messages and what is in them: what every class gets or makes.
 from genie_sim.core.messages import (
-    Message,
-    Header,
-    CameraPose,
-    Image,
-    Answer,
-    Detections,
-    Detection,
-    Look,
-    Effect,
-    Publish,
-    Observation,
-    ImageLookup,
-    Expired,
+    Message as Message,
+    Header as Header,
+    CameraPose as CameraPose,
+    Image as Image,
+    Answer as Answer,
+    Detections as Detections,
+    Detection as Detection,
+    Look as Look,
+    Effect as Effect,
+    Publish as Publish,
+    Observation as Observation,
+    ImageLookup as ImageLookup,
+    Expired as Expired,
+    Forgotten as Forgotten,
 )
 
 # A method: what runs on cars and edges.
 from genie_sim.sim.method import (
-    Method,
-    HostContext,
-    HostConfig,
-    Interceptor,
-    LocalAndRemote,
-    UplinkTopics,
-    LOCAL,
-    REMOTE,
-    REMOTE_UPLINK,
+    Method as Method,
+    HostContext as HostContext,
+    HostConfig as HostConfig,
+    Costs as Costs,
+    Interceptor as Interceptor,
+    LocalAndRemote as LocalAndRemote,
+    UplinkTopics as UplinkTopics,
+    IMAGES as IMAGES,
+    OBJECTS as OBJECTS,
+    LOCAL as LOCAL,
+    REMOTE as REMOTE,
+    DIRECT_UPLINK as DIRECT_UPLINK,
+    REMOTE_UPLINK as REMOTE_UPLINK,
+)
+
+# Genie itself: Algorithm 1 with its settings, as a car's or an edge's.
+from genie_sim.methods.genie import Genie as Genie
+from genie_sim.core.node import GenieNode as GenieNode
+from genie_sim.core.rules import GenieRules as GenieRules
+from genie_sim.core.genies import (
+    make_genie as make_genie,
+    rules_on_car as rules_on_car,
+    rules_on_edge as rules_on_edge,
 )
 
 # A cache of its own: keys, eviction, similar images.
-from genie_sim.core.similarity import Similarity, KeyIndex
-from genie_sim.core.eviction import Eviction, LRU
-from genie_sim.core.rules import Capacity
-from genie_sim.methods.nearest import FeatureKey
-from genie_sim.methods.similarity_cache import Replay, SimilarityCache, SimilarityCaching, are_same
+from genie_sim.core.similarity import (
+    Similarity as Similarity,
+    KeyIndex as KeyIndex,
+)
+from genie_sim.core.eviction import (
+    Eviction as Eviction,
+    LRU as LRU,
+)
+from genie_sim.core.rules import Capacity as Capacity
+from genie_sim.methods.nearest import FeatureKey as FeatureKey
+from genie_sim.methods.similarity_cache import (
+    Replay as Replay,
+    SimilarityCache as SimilarityCache,
+    SimilarityCaching as SimilarityCaching,
+    are_same as are_same,
+)
 
 # Looks: when they go up, and a map that tracks what they show.
-from genie_sim.recommended.pacing import Pacer, RoundTrip
-from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.existence import Existence
-from genie_sim.tracks.coverage import Viewer
-from genie_sim.core.view import ViewSector
-from genie_sim.tracks.track import kind_of, PERSON, COAST_NS
+from genie_sim.recommended.pacing import (
+    Pacer as Pacer,
+    RoundTrip as RoundTrip,
+)
+from genie_sim.tracks.track_map import TrackMap as TrackMap
+from genie_sim.tracks.existence import ExistenceFilter as ExistenceFilter
+from genie_sim.tracks.coverage import Viewer as Viewer
+from genie_sim.core.view import ViewSector as ViewSector
+from genie_sim.tracks.track import (
+    kind_of as kind_of,
+    PERSON as PERSON,
+    COAST_NS as COAST_NS,
+)
 
 # A link: how long a message takes.
-from genie_sim.sim.link_model import LinkModel, LinkEnds, Sender, TimedSender, LINK
-from genie_sim.sim.message_random import MessageRandom
-from genie_sim.base.plugins import Choice
+from genie_sim.sim.link_model import (
+    LinkModel as LinkModel,
+    LinkEnds as LinkEnds,
+    Sender as Sender,
+    TimedSender as TimedSender,
+    LINK as LINK,
+)
+from genie_sim.sim.message_random import MessageRandom as MessageRandom
+from genie_sim.base.plugins import Choice as Choice
 
 # A fault or another process: what happens to hosts, links and messages.
-from genie_sim.sim.fault import Fault, Strike
-from genie_sim.sim.network import Network
-from genie_sim.sim.bends import Bend, Objects, bent, shifted
+from genie_sim.sim.fault import (
+    Fault as Fault,
+    Strike as Strike,
+)
+from genie_sim.sim.network import Network as Network
+from genie_sim.sim.bends import (
+    Bend as Bend,
+    Objects as Objects,
+    bent as bent,
+    shifted as shifted,
+)
 
 # What both are made of: ROS graphs, time, random numbers.
-from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.clock import Steps, Occupancy
-from genie_sim.base.seeds import Draws
-from genie_sim.sim.draw_keys import frame_key
+from genie_sim.sim.ros_graph import (
+    Graph as Graph,
+    Subscriber as Subscriber,
+)
+from genie_sim.sim.clock import (
+    Steps as Steps,
+    Occupancy as Occupancy,
+)
+from genie_sim.base.seeds import Draws as Draws
+from genie_sim.sim.draw_keys import frame_key as frame_key
 
 # A metric: a number of a run.
-from genie_sim.analysis.metric import Metric, Sample, HIGHER, LOWER, mean_of, share_of
-from genie_sim.analysis.statistics import Measured
-from genie_sim.record.columns import Columns
-from genie_sim.analysis.correctness import HITS, is_wrong
-from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.metric import (
+    Metric as Metric,
+    Sample as Sample,
+    HIGHER as HIGHER,
+    LOWER as LOWER,
+    mean_of as mean_of,
+    share_of as share_of,
+)
+from genie_sim.analysis.statistics import Measured as Measured
+from genie_sim.record.columns import Columns as Columns
+from genie_sim.analysis.correctness import (
+    HITS as HITS,
+    is_wrong as is_wrong,
+)
+from genie_sim.analysis.frame_metrics import response_ms as response_ms
 
 # A source of frames.
-from genie_sim.data.frame_source import FrameSource, Drives, Drive
+from genie_sim.data.frame_source import (
+    FrameSource as FrameSource,
+    Drives as Drives,
+    Drive as Drive,
+)
 
 # A detector, and traces of what it finds.
 from genie_sim.data.detectors.detector import (
-    DetectedBox,
-    DetectorSettings,
-    DETECTORS,
-    ImageDetector,
-    detector_facts,
-    look,
+    DetectedBox as DetectedBox,
+    DetectorSettings as DetectorSettings,
+    DETECTORS as DETECTORS,
+    ImageDetector as ImageDetector,
+    detector_facts as detector_facts,
+    look as look,
 )
-from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
-from genie_sim.data.kitti.perceive import FrameSelection, perceive
-from genie_sim.data.trace import Trace, TraceFrame, write_trace
-from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.detectors.placement import (
+    Placement as Placement,
+    Plane as Plane,
+    fit_ground as fit_ground,
+)
+from genie_sim.data.kitti.perceive import (
+    FrameSelection as FrameSelection,
+    perceive as perceive,
+)
+from genie_sim.data.trace import (
+    Trace as Trace,
+    TraceFrame as TraceFrame,
+    write_trace as write_trace,
+)
+from genie_sim.data.truth import (
+    TruthRow as TruthRow,
+    TruthTable as TruthTable,
+    path_beside as path_beside,
+    write_truth as write_truth,
+)
 
 # An importer of recordings: tables, pictures, scans, places.
-from genie_sim.base.import_report import ImportReport
-from genie_sim.base.progress import Progress
-from genie_sim.data.importers.table_import import ImportedCar, Sensor, cars_of_tables, write_cars
-from genie_sim.data.importers.trace_import import (
-    traces,
-    picture_frame,
-    scan_frame,
-    detection,
-    placed,
-    tell_network,
-    write_told,
+from genie_sim.base.import_report import ImportReport as ImportReport
+from genie_sim.base.progress import Progress as Progress
+from genie_sim.data.importers.table_import import (
+    ImportedCar as ImportedCar,
+    Sensor as Sensor,
+    cars_of_tables as cars_of_tables,
+    write_cars as write_cars,
 )
-from genie_sim.data.encoding import difference_hash
-from genie_sim.base.paths import read_bytes
-from genie_sim.data.kitti.number_files import numbered_lines, are_plausible
-from genie_sim.base.geometry import Array, Geodetic, rigid, transform
-from genie_sim.data.geodesy import enu_SE3_enu
+from genie_sim.data.importers.trace_import import (
+    traces as traces,
+    picture_frame as picture_frame,
+    scan_frame as scan_frame,
+    detection as detection,
+    placed as placed,
+    tell_network as tell_network,
+    write_told as write_told,
+)
+from genie_sim.data.encoding import difference_hash as difference_hash
+from genie_sim.base.paths import read_bytes as read_bytes
+from genie_sim.data.kitti.number_files import (
+    numbered_lines as numbered_lines,
+    are_plausible as are_plausible,
+)
+from genie_sim.base.geometry import (
+    Array as Array,
+    Geodetic as Geodetic,
+    rigid as rigid,
+    transform as transform,
+)
+from genie_sim.data.geodesy import enu_SE3_enu as enu_SE3_enu
 
 # Settings, units and errors, for all of them.
-from genie_sim.base.settings import Bounds, Share
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.base.errors import UserError, as_user_error, unknown
-
-__all__ = [
-    # Messages and what is in them: what every class gets or makes.
-    "Message",
-    "Header",
-    "CameraPose",
-    "Image",
-    "Answer",
-    "Detections",
-    "Detection",
-    "Look",
-    "Effect",
-    "Publish",
-    "Observation",
-    "ImageLookup",
-    "Expired",
-    # A method: what runs on cars and edges.
-    "Method",
-    "HostContext",
-    "HostConfig",
-    "Interceptor",
-    "LocalAndRemote",
-    "UplinkTopics",
-    "LOCAL",
-    "REMOTE",
-    "REMOTE_UPLINK",
-    # A cache of its own: keys, eviction, similar images.
-    "Similarity",
-    "KeyIndex",
-    "Eviction",
-    "LRU",
-    "Capacity",
-    "FeatureKey",
-    "Replay",
-    "SimilarityCache",
-    "SimilarityCaching",
-    "are_same",
-    # Looks: when they go up, and a map that tracks what they show.
-    "Pacer",
-    "RoundTrip",
-    "TrackMap",
-    "Existence",
-    "Viewer",
-    "ViewSector",
-    "kind_of",
-    "PERSON",
-    "COAST_NS",
-    # A link: how long a message takes.
-    "LinkModel",
-    "LinkEnds",
-    "Sender",
-    "TimedSender",
-    "MessageRandom",
-    "LINK",
-    "Choice",
-    # A fault or another process: what happens to hosts, links and messages.
-    "Fault",
-    "Strike",
-    "Network",
-    "Bend",
-    "Objects",
-    "bent",
-    "shifted",
-    # What both are made of: ROS graphs, time, random numbers.
-    "Graph",
-    "Subscriber",
-    "Steps",
-    "Occupancy",
-    "Draws",
-    "frame_key",
-    # A metric: a number of a run.
-    "Metric",
-    "Sample",
-    "Measured",
-    "Columns",
-    "HIGHER",
-    "LOWER",
-    "HITS",
-    "mean_of",
-    "share_of",
-    "is_wrong",
-    "response_ms",
-    # A source of frames.
-    "FrameSource",
-    "Drives",
-    "Drive",
-    # A detector, and traces of what it finds.
-    "DetectedBox",
-    "DetectorSettings",
-    "DETECTORS",
-    "ImageDetector",
-    "detector_facts",
-    "look",
-    "Placement",
-    "Plane",
-    "fit_ground",
-    "FrameSelection",
-    "perceive",
-    "Trace",
-    "TraceFrame",
-    "write_trace",
-    "TruthRow",
-    "TruthTable",
-    "path_beside",
-    "write_truth",
-    # An importer of recordings: tables, pictures, scans, places.
-    "ImportReport",
-    "Progress",
-    "ImportedCar",
-    "Sensor",
-    "cars_of_tables",
-    "write_cars",
-    "traces",
-    "picture_frame",
-    "scan_frame",
-    "detection",
-    "placed",
-    "tell_network",
-    "write_told",
-    "difference_hash",
-    "read_bytes",
-    "numbered_lines",
-    "are_plausible",
-    "Array",
-    "Geodetic",
-    "rigid",
-    "transform",
-    "enu_SE3_enu",
-    # Settings, units and errors, for all of them.
-    "Bounds",
-    "Share",
-    "NS_PER_MS",
-    "NS_PER_S",
-    "UserError",
-    "as_user_error",
-    "unknown",
-]
+from genie_sim.base.settings import (
+    Bounds as Bounds,
+    Share as Share,
+)
+from genie_sim.base.units import (
+    NS_PER_MS as NS_PER_MS,
+    NS_PER_S as NS_PER_S,
+)
+from genie_sim.base.errors import (
+    UserError as UserError,
+    as_user_error as as_user_error,
+    unknown as unknown,
+)

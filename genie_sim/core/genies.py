@@ -44,7 +44,7 @@ def make_genie(
     inputs: Sequence[str],
     outputs: Sequence[str],
     *,
-    map_answer: MakeAnswer | None = Detections,
+    make_answer: MakeAnswer | None = Detections,
     suffixes: tuple[str, str] = SUFFIXES,
     names_changes: bool = True,
 ) -> GenieNode:
@@ -54,7 +54,7 @@ def make_genie(
     ----------
     rules : GenieRules
         The settings, as they are in its role: ``rules_on_car``, ``rules_on_edge``.
-    name, inputs, outputs, map_answer, suffixes, names_changes
+    name, inputs, outputs, make_answer, suffixes, names_changes
         As those of ``GenieNode``.
 
     Raises
@@ -80,7 +80,7 @@ def make_genie(
         new_keys=similarity.index,
         new_cache=new_cache,
         object_map=ObjectMap(rules.object_map, rules.view_range_m, rule),
-        map_answer=map_answer,
+        make_answer=make_answer,
         suffixes=suffixes,
         names_changes=names_changes,
     )

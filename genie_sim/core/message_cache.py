@@ -27,26 +27,26 @@ class MessageCache:
         self, index: KeyIndex, eviction: Eviction, capacity: Capacity | None = None
     ) -> None:
         self._index = index
-        self._eviction = eviction
+        self.eviction = eviction
         self._capacity = capacity
-        self._answers: dict[Hashable, Answers] = {}
+        self.answers: dict[Hashable, Answers] = {}
         self.size_bytes = 0
 
     def __len__(self) -> int:
-        return len(self._answers)
+        return len(self.answers)
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         """The answers to an equal request, ``None`` on a miss. It is a use."""
         stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             return None
-        self._eviction.used(stored_key, now_ns)
-        return self._answers[stored_key]
+        self.eviction.used(stored_key, now_ns)
+        return self.answers[stored_key]
 
     def peek(self, key: Hashable, now_ns: int) -> Answers | None:
         """The answers to an equal request, ``None`` if there are none. It is no use."""
         stored_key = self._expire_and_find(key, now_ns)
-        return None if stored_key is None else self._answers[stored_key]
+        return None if stored_key is None else self.answers[stored_key]
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         """Stores ``answer`` for ``topic``, over an older one; what no longer fits goes by the
@@ -59,16 +59,16 @@ class MessageCache:
             return
         stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
-            while self._answers and not self._fits(1, size_bytes):
+            while self.answers and not self._fits(1, size_bytes):
                 self._evict()
             stored_key = key
             self._index.add(stored_key)
-            self._answers[stored_key] = {}
-        answers = self._answers[stored_key]
+            self.answers[stored_key] = {}
+        answers = self.answers[stored_key]
         old = answers.get(topic)
         answers[topic] = answer
         self.size_bytes += size_bytes - (old.size_bytes if old is not None else 0)
-        self._eviction.stored(stored_key, now_ns)
+        self.eviction.stored(stored_key, now_ns)
         while not self._fits(0, 0):  # an answer grew
             self._evict()
 
@@ -76,33 +76,33 @@ class MessageCache:
         """The stored key that equals ``key``; equal ones whose time is over are removed."""
         stored_key = self._index.find(key)
         while stored_key is not None:
-            expires_ns = self._eviction.expires_ns(stored_key)
-            if expires_ns is None or now_ns < whole(self._eviction, "expires_ns()", expires_ns):
+            expires_ns = self.eviction.expires_ns(stored_key)
+            if expires_ns is None or now_ns < whole(self.eviction, "expires_ns()", expires_ns):
                 break
-            self._remove(stored_key)
+            self.remove(stored_key)
             stored_key = self._index.find(key)
         return stored_key
 
     def _fits(self, entries: int, size_bytes: int) -> bool:
         capacity = self._capacity
         return capacity is None or capacity.holds(
-            len(self._answers) + entries, self.size_bytes + size_bytes
+            len(self.answers) + entries, self.size_bytes + size_bytes
         )
 
     def _evict(self) -> None:
         """The eviction policy's victim goes. Raises UserError where a policy of the user's own
         names a key that is not stored.
         """
-        key = self._eviction.victim()
-        if key not in self._answers:
+        key = self.eviction.victim()
+        if key not in self.answers:
             text = f"victim() is {short_repr(key)}, but must be a key that is stored"
-            raise UserError(f"eviction {class_of(self._eviction)}: {text}")
-        self._remove(key)
+            raise UserError(f"eviction {class_of(self.eviction)}: {text}")
+        self.remove(key)
 
-    def _remove(self, key: Hashable) -> None:
-        self.size_bytes -= sum(answer.size_bytes for answer in self._answers.pop(key).values())
+    def remove(self, key: Hashable) -> None:
+        self.size_bytes -= sum(answer.size_bytes for answer in self.answers.pop(key).values())
         self._index.discard(key)
-        self._eviction.removed(key)
+        self.eviction.removed(key)
 
 
 @dataclass(slots=True)

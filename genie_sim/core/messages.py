@@ -317,17 +317,27 @@ class Detections:
 
     def with_look(self, look: Look | None, valid_ns: int | None) -> "Detections":
         """The answer with this look and the instant for which it holds, or without."""
-        return replace(self, look=look, valid_ns=valid_ns)
+        return Detections(
+            self.header,
+            self.objects,
+            self.source,
+            self.served_by,
+            look,
+            valid_ns=valid_ns,
+            seen_in=self.seen_in,
+        )
 
     def credited(self, source: str, by: str, header: Header | None = None) -> "Detections":
         """The answer as a node gives it, under another ``header`` if one is given. One out of an
         object map stays that, even when a cache replays it: it was never a detection.
         """
-        return replace(
-            self,
-            header=self.header if header is None else header,
-            source="map" if self.source == "map" else source,
-            served_by=by,
+        return Detections(
+            self.header if header is None else header,
+            self.objects,
+            "map" if self.source == "map" else source,
+            by,
+            self.look,
+            valid_ns=self.valid_ns,
             seen_in=self.seen_in or self.header,
         )
 

@@ -81,7 +81,7 @@ class GenieNode:
         Makes the empty message cache of one topic.
     object_map : ObjectMap or None
         The map of Algorithm 2, empty at first; ``None``: a message cache alone.
-    map_answer : callable, optional
+    make_answer : callable, optional
         Makes an answer out of a header and map objects; ``None`` for a node whose answers hold no
         objects.
     suffixes : tuple of str
@@ -101,7 +101,7 @@ class GenieNode:
         new_keys: Callable[[], KeyIndex],
         new_cache: Callable[[], MessageCache],
         object_map: ObjectMap | None,
-        map_answer: MakeAnswer | None = None,
+        make_answer: MakeAnswer | None = None,
         suffixes: tuple[str, str] = SUFFIXES,
         names_changes: bool = True,
     ) -> None:
@@ -113,7 +113,7 @@ class GenieNode:
         self._key = key
         self._new_cache = new_cache
         self._pending = PendingIndex(rules.header_identity, new_keys)
-        self._make_map_answer = map_answer if rules.miss_policy == "immediate" else None
+        self._make_answer = make_answer if rules.miss_policy == "immediate" else None
         self._local, self._remote = suffixes
         self._names_changes = names_changes
         self._inputs, self._outputs = tuple(inputs), tuple(outputs)
@@ -287,7 +287,7 @@ class GenieNode:
         """Expires requests that were not answered in time (dropped by the node or by a link)."""
         return list(_unanswered(self._pending.expire(now_ns)))
 
-    def on_void(self) -> list[Observation]:
+    def on_memory_lost(self) -> list[Observation]:
         """Records of what is lost when a fault wipes this Genie's state: unanswered client requests
         and map objects. It is not called again after that.
         """
@@ -363,14 +363,12 @@ class GenieNode:
         """What a client gets at once although its request missed: the map's confident objects in
         view.
         """
-        if self._make_map_answer is None or self.object_map is None or request.pose is None:
+        if self._make_answer is None or self.object_map is None or request.pose is None:
             return []
         in_view = self.object_map.in_view(
             request.pose, request.horizontal_fov_rad, self.rules.view_range_m
         )
-        answer = self._make_map_answer(
-            request.header, tuple(entry.as_detection() for entry in in_view)
-        )
+        answer = self._make_answer(request.header, tuple(entry.as_detection() for entry in in_view))
         return [Publish(topic, answer.credited("map", self.name)) for topic in self._outputs]
 
     def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:

@@ -23,7 +23,7 @@ from genie_sim.methods.similarity_cache import (
     cache_rules,
     stores_nothing,
 )
-from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE, HostConfig, HostContext
+from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE, Costs, HostConfig, HostContext
 
 GAIN = 1 / 8  # of the mean of the cloud's times, as TCP's of round-trip times (RFC 6298)
 AGEING = 1 / 2  # assumed: the share of every count that is left after a period
@@ -121,8 +121,8 @@ class PopularityCache(SimilarityCache):
             for _, twin in self._requested.near(key, 1, self.reach):
                 counts[key] = counts.pop(twin)
                 self._requested.discard(twin)
-                if twin in self._answers:
-                    self._remove(twin)
+                if twin in self.answers:
+                    self.remove(twin)
         counts.setdefault(key, 1.0)
         self._requested.add(key)
 
@@ -147,7 +147,7 @@ class PopularityCache(SimilarityCache):
 
     def _shrink(self) -> None:
         while self.size is not None and len(self) > self.size:
-            self._remove(self.popularity.victim())
+            self.remove(self.popularity.victim())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,8 +193,7 @@ class Cachier(SimilarityCaching):
         return HostConfig(
             interceptor=partial(self._node, host, host.rules.capacity, forwards_misses=True),
             neighbour_topics=(OBJECTS + REMOTE,),
-            key=self.feature,
-            per_entry_ns=self.per_entry_ns,
+            costs=Costs(key=self.feature, per_entry_ns=self.per_entry_ns),
         )
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:

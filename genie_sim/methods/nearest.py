@@ -9,7 +9,7 @@ import numpy as np
 from genie_sim.base.features import DIMENSION, UNIT, Vector, feature_of, unpacked
 from genie_sim.core.messages import CameraPose, Header, Image
 
-NONE = -1.0  # as a radius: no other key is near enough
+NO_RADIUS = -1.0  # as a radius: no other key is near enough
 MAX_SQUARE = 1e9  # more than any squared distance
 
 
@@ -44,7 +44,7 @@ class Nearest:
     if any may be.
     """
 
-    def __init__(self, radius: Callable[[], float] = lambda: NONE) -> None:
+    def __init__(self, radius: Callable[[], float] = lambda: NO_RADIUS) -> None:
         self._radius = radius
         self._keys: list[FeatureKey | None] = []  # by slot
         self._slots: dict[Hashable, int] = {}
@@ -83,7 +83,7 @@ class Nearest:
     def find(self, key: Hashable) -> Hashable | None:
         if key in self._slots:
             return key
-        radius = self._radius() if self._slots else NONE
+        radius = self._radius() if self._slots else NO_RADIUS
         if radius < 0:
             return None
         assert isinstance(key, FeatureKey)

@@ -22,6 +22,7 @@ from genie_sim.sim.method import (
     LOCAL,
     REMOTE,
     REMOTE_UPLINK,
+    Costs,
     HostConfig,
     HostContext,
     LocalAndRemote,
@@ -103,7 +104,7 @@ class Oracle(Method):
             detector=True,
             interceptor=partial(OracleInterceptor, f"{host.name}/oracle", self._history),
             uplink=REMOTE_UPLINK if host.has_edge else None,
-            costs_nothing=True,
+            costs=Costs(is_free=True),
         )
 
 

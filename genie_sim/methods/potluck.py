@@ -82,7 +82,7 @@ class AdaptiveThresholdCache(SimilarityCache):
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         self._importance.sizes[key] = answer.size_bytes
         super().put(key, topic, answer, now_ns)
-        if key not in self._answers:  # it was larger than the whole cache
+        if key not in self.answers:  # it was larger than the whole cache
             self._importance.sizes.pop(key, None)
 
 

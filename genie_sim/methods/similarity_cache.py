@@ -14,8 +14,8 @@ from genie_sim.core.messages import Answer, CameraPose
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
 from genie_sim.core.similarity import Exact
-from genie_sim.methods.nearest import NONE, FeatureKey, Nearest, key_of
-from genie_sim.sim.method import REMOTE_UPLINK, HostConfig, HostContext, Method
+from genie_sim.methods.nearest import NO_RADIUS, FeatureKey, Nearest, key_of
+from genie_sim.sim.method import REMOTE_UPLINK, Costs, HostConfig, HostContext, Method
 
 Replay = Literal["world", "camera"]
 ORIGIN = CameraPose(0.0, 0.0, 0.0, 0.0)
@@ -31,7 +31,7 @@ class SimilarityCache(MessageCache):
     answer to another.
     """
 
-    reach = NONE
+    reach = NO_RADIUS
 
     def __init__(self, eviction: Eviction, capacity: Capacity | None, replay: Replay) -> None:
         self.keys = Nearest()
@@ -44,8 +44,8 @@ class SimilarityCache(MessageCache):
         match = self.choose(key, now_ns)
         if match is None:
             return None
-        self._eviction.used(match, now_ns)
-        answers = self._answers[match]
+        self.eviction.used(match, now_ns)
+        answers = self.answers[match]
         if self._replay == "world":
             return answers
         return {topic: moved(answer, match.pose, key.pose) for topic, answer in answers.items()}
@@ -67,14 +67,14 @@ class SimilarityCache(MessageCache):
             if not overdue:
                 return neighbours
             for neighbour in overdue:
-                self._remove(neighbour)
+                self.remove(neighbour)
 
     def _is_over(self, key: FeatureKey, now_ns: int) -> bool:
-        expires_ns = self._eviction.expires_ns(key)
+        expires_ns = self.eviction.expires_ns(key)
         return expires_ns is not None and expires_ns <= now_ns
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
-        if key not in self._answers:
+        if key not in self.answers:
             assert isinstance(key, FeatureKey)
             self.learn(key, answer, now_ns)
         self._stored_objects.pop(key, None)
@@ -97,12 +97,12 @@ class SimilarityCache(MessageCache):
         """The same of the stored answers of a key."""
         objects = self._stored_objects.get(key)
         if objects is None:
-            objects = self.objects_of(self._answers[key].values(), key.pose)
+            objects = self.objects_of(self.answers[key].values(), key.pose)
             self._stored_objects[key] = objects
         return objects
 
-    def _remove(self, key: Hashable) -> None:
-        super()._remove(key)
+    def remove(self, key: Hashable) -> None:
+        super().remove(key)
         self._stored_objects.pop(key, None)
 
 
@@ -188,7 +188,7 @@ class SimilarityCaching(Method):
                 self._node, host, host.genie.capacity_on_car, forwards_misses=host.has_edge
             ),
             uplink=REMOTE_UPLINK if host.has_edge else None,
-            key=self.feature,
+            costs=Costs(key=self.feature),
         )
 
     def on_edge(self, host: HostContext) -> HostConfig:

@@ -19,18 +19,19 @@ from genie_sim.core.node import MakeAnswer
 from genie_sim.recommended.paced_genie import PacedGenie
 from genie_sim.recommended.pacing import Pacer
 from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules
-from genie_sim.recommended.sharing import SharingGenie
+from genie_sim.recommended.sharing_genie import SharingGenie
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
     LOCAL,
     OBJECTS,
     REMOTE,
     REMOTE_UPLINK,
+    Costs,
     HostConfig,
     HostContext,
     Method,
 )
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.track_map import TrackMap
 
@@ -94,9 +95,9 @@ class Recommended(Method):
             return HostConfig(detector=True)
         return HostConfig(
             detector=True,
-            interceptor=partial(self._new_car_genie, host),
+            interceptor=partial(self._car_interceptor, host),
             uplink=REMOTE_UPLINK if host.has_edge else None,
-            relay_time_ns=self.relay_time_ns,
+            costs=Costs(relay_time_ns=self.relay_time_ns),
         )
 
     def on_edge(self, host: HostContext) -> HostConfig:
@@ -104,13 +105,13 @@ class Recommended(Method):
             return HostConfig(detector=host.gets_images)
         return HostConfig(
             detector=host.gets_images,
-            interceptor=partial(self._new_edge_genie, host),
+            interceptor=partial(self._edge_interceptor, host),
             neighbour_topics=(OBJECTS + REMOTE,),
-            relay_time_ns=self.relay_time_ns,
+            costs=Costs(relay_time_ns=self.relay_time_ns),
             is_beside=host.gets_images,
         )
 
-    def _new_car_genie(
+    def _car_interceptor(
         self, host: HostContext, inputs: Sequence[str], outputs: Sequence[str]
     ) -> PacedGenie:
         return self.car_genie(
@@ -118,7 +119,7 @@ class Recommended(Method):
             inputs,
             outputs,
             has_edge=host.has_edge,
-            object_map=self._new_map(host),
+            object_map=self.new_map(host.laws),
             sharing=self._sharing(host),
             names_changes=host.names_changes,
         )
@@ -132,7 +133,7 @@ class Recommended(Method):
         has_edge: bool,
         object_map: TrackMap,
         sharing: SharingRules | None = None,
-        map_answer: MakeAnswer = Detections,
+        make_answer: MakeAnswer = Detections,
         suffixes: tuple[str, str] = (LOCAL, REMOTE),
         names_changes: bool = True,
     ) -> PacedGenie:
@@ -145,12 +146,12 @@ class Recommended(Method):
             pacer=pacer if has_edge else None,
             object_map=object_map,
             shared_tracks=None if sharing is None else SharedTracks(sharing, object_map),
-            map_answer=map_answer,
+            make_answer=make_answer,
             suffixes=suffixes,
             names_changes=names_changes,
         )
 
-    def _new_edge_genie(
+    def _edge_interceptor(
         self, host: HostContext, inputs: Sequence[str], outputs: Sequence[str]
     ) -> SharingGenie:
         rules = self._sharing(host)
@@ -159,20 +160,17 @@ class Recommended(Method):
             f"{host.name}/genie",
             inputs,
             outputs,
-            object_map=self._new_map(host),
+            object_map=self.new_map(host.laws),
             rules=rules,
             make_answer=Detections,
             answers_frames=not host.gets_images,
             names_changes=host.names_changes,
         )
 
-    def _new_map(self, host: HostContext) -> TrackMap:
-        return self.new_map(host.laws if self.measured else ASSUMED)
-
     def new_map(self, laws: DetectorLaws = ASSUMED) -> TrackMap:
-        """An empty map of tracks."""
+        """An empty map of tracks; ``laws`` are those that were measured."""
         return TrackMap(
-            Existence(self.p_min, self.tau_ns, laws),
+            ExistenceFilter(self.p_min, self.tau_ns, laws if self.measured else ASSUMED),
             view_range_m=self.view_range_m,
             view_margin_rad=self.view_margin_rad,
         )

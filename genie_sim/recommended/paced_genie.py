@@ -30,7 +30,7 @@ class PacedGenie(TrackingGenie):
         Decides what goes up; ``None`` on a car without an edge.
     shared_tracks : SharedTracks
         What the edge shares of other cars' looks; ``None`` where edges share nothing.
-    map_answer : callable
+    make_answer : callable
         Makes an answer out of a header and objects.
     suffixes : tuple[str, str]
         What is affixed to topics towards the own node, and towards the edge (Section III-C).
@@ -45,14 +45,14 @@ class PacedGenie(TrackingGenie):
         pacer: Pacer | None,
         object_map: TrackMap,
         shared_tracks: SharedTracks | None = None,
-        map_answer: MakeAnswer,
+        make_answer: MakeAnswer,
         suffixes: tuple[str, str] = SUFFIXES,
         names_changes: bool = True,
     ) -> None:
         super().__init__(name, inputs, outputs, object_map=object_map, names_changes=names_changes)
         self._shared_tracks = shared_tracks
         self._pacer = pacer
-        self._map_answer = map_answer
+        self._make_answer = make_answer
         # images go to the own detector and to the edge, answers come from both
         self._to_node, self._to_edge = (self._images + suffix for suffix in suffixes)
         self._from_node, self._from_edge = (self._objects + suffix for suffix in suffixes)
@@ -135,7 +135,7 @@ class PacedGenie(TrackingGenie):
     def _answer_from_map(self, viewer: Viewer, now_ns: int) -> Answer:
         """The map's objects in view, where they are now."""
         objects = tuple(self.object_map.in_view(viewer, now_ns))
-        answer = self._map_answer(viewer.header, objects).with_look(None, now_ns)
+        answer = self._make_answer(viewer.header, objects).with_look(None, now_ns)
         return self._with_shared(answer, viewer, now_ns).credited("map", self.name)
 
     def _with_shared(self, answer: Answer, viewer: Viewer, now_ns: int) -> Answer:

@@ -13,7 +13,14 @@ from genie_sim.base.units import NS_PER_MS
 from genie_sim.core.messages import Effect, Expired, Image, Message, Publish
 from genie_sim.methods.remote import Remote
 from genie_sim.recommended.pacing import Pacer
-from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, LocalAndRemote
+from genie_sim.sim.method import (
+    REMOTE,
+    REMOTE_UPLINK,
+    Costs,
+    HostConfig,
+    HostContext,
+    LocalAndRemote,
+)
 
 
 @dataclass(frozen=True)
@@ -37,7 +44,7 @@ class PacedRemote(Remote):
         if not host.has_edge:
             return HostConfig()
         return HostConfig(
-            interceptor=partial(self._sender, host), uplink=REMOTE_UPLINK, costs_nothing=True
+            interceptor=partial(self._sender, host), uplink=REMOTE_UPLINK, costs=Costs(is_free=True)
         )
 
     def _sender(

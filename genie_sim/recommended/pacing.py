@@ -280,20 +280,32 @@ def _due_ns(last: SentFrame, every_ns: int) -> int:
 def _is_its_turn(
     stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int
 ) -> bool:
-    """Whether this stream's newest frame is the one for the look that is due."""
+    """Whether this stream's newest frame is the one for the look that is due: no later frame of the
+    view comes nearer to that instant, and no other stream is to have this look.
+
+    With a look every 100 ms, and frames of A at 0, 100, 200 ms, of B at 40, 140, 240 ms:
+
+    ====  =====  =======================================================================
+    look  frame
+    ====  =====  =======================================================================
+    --    A 0    goes up: the view's first
+    100   B 40   stays: it is 60 ms early, and A 100 comes nearer
+    100   A 100  stays: the last look of B is older, and its frame 140 comes before 150
+    100   B 140  goes up
+    200   A 200  goes up: the last look of B is newer
+    ====  =====  =======================================================================
+    """
     if due_ns is None:
         return True
-    stamp_ns = stream.stamp_ns
-    if stamp_ns < due_ns:  # it is early: the view's next frame may come nearer to the instant
-        next_ns = min(member.next_ns(stream) for member in view)
-        if next_ns == math.inf or next_ns - due_ns < due_ns - stamp_ns:
+    early_ns = due_ns - stream.stamp_ns
+    if early_ns > 0:
+        late_ns = min(member.next_ns(stream) for member in view) - due_ns  # of the next frame
+        if late_ns < early_ns or late_ns == math.inf:
             return False
-    # A stream whose last look is older has its turn, if its frame comes within half a gap after.
+    # A stream whose last look is older has this one, if its frame comes within half a gap after.
     latest_ns = due_ns + every_ns / 2
-    return not any(
-        _sent_ns(member) < _sent_ns(stream) and max(member.next_ns(stream), stamp_ns) < latest_ns
-        for member in view
-    )
+    waiting = (member for member in view if _sent_ns(member) < _sent_ns(stream))
+    return all(max(member.next_ns(stream), stream.stamp_ns) >= latest_ns for member in waiting)
 
 
 def _sent_ns(stream: Stream) -> float:

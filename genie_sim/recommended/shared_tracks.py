@@ -72,7 +72,7 @@ def tracks_to_share(
         others_ns = [stamp_ns for origin, stamp_ns in track.seen_by_ns.items() if origin != car]
         if not others_ns or now_ns - max(others_ns) > rules.seen_within_ns:
             continue
-        probability = tracks.existence(track, now_ns)
+        probability = tracks.probability(track, now_ns)
         if probability < rules.p_min:
             continue
         east_m, north_m = track.place(now_ns)

@@ -52,7 +52,7 @@ class TrackingGenie(Interceptor):
         (self._images,), (self._objects,) = inputs, outputs
         self._viewers: OrderedDict[Header, Viewer] = OrderedDict()  # of frames, by their stamps
 
-    def on_void(self) -> list[Observation]:
+    def on_memory_lost(self) -> list[Observation]:
         """Records of what is lost when a fault wipes this Genie's state: the objects of its map."""
         return [*self._forgotten(tuple(map(MapChange.of, self.object_map)))]
 

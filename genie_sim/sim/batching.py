@@ -6,29 +6,15 @@ wait for more, until the oldest has waited for the longest time allowed.
 """
 
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass
-from typing import Any
 
 import simpy
 
 from genie_sim.core.messages import Message
-from genie_sim.sim.clock import NewestQueue, Steps
+from genie_sim.sim.clock import Steps
 from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.nodes import DetectorNode
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Waiting, camera_flow
 from genie_sim.sim.settings import Serving
-
-
-@dataclass(slots=True, eq=False)
-class Picture:
-    """A picture at the detector: the flow whose newest are kept, and when it arrived."""
-
-    flow: Hashable
-    arrived_ns: int
-    topic: str
-    message: Message
-    sender: str
-    path: Span | None
 
 
 class BatchingDetectorNode(DetectorNode):
@@ -37,7 +23,7 @@ class BatchingDetectorNode(DetectorNode):
     Parameters
     ----------
     name : str
-        Such as ``edge1/detector``.
+        Such as ``edge1/vision_darknet_detect``.
     graph : Graph
         The graph that it registers with.
     subscribes, publishes : iterable of str
@@ -55,30 +41,19 @@ class BatchingDetectorNode(DetectorNode):
         *,
         serving: Serving,
     ) -> None:
-        super().__init__(name, graph, subscribes, publishes)
-        self._waiting: NewestQueue[Any] = NewestQueue(self.clock, graph.queue_length)
-        self._pictures: list[Picture] = self._waiting.items  # in the order of their arrival
         self._serving = serving
-        self._arrived = self.clock.event()  # happens when the next picture joins the queue
+        self._arrived = graph.clock.event()  # happens when the next picture joins the queue
+        super().__init__(name, graph, subscribes, publishes)
         self._accelerator_queueing = SpanLabel("queueing", self.host.accelerator.name)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        """A picture joins its queue, where the oldest makes room if it is full."""
-        header = message.header
-        per_camera = self._serving.queue == "per_camera"
-        picture = Picture(
-            flow=(topic, header.origin, header.frame_id) if per_camera else topic,
-            arrived_ns=self.clock.now,
-            topic=topic,
-            message=message,
-            sender=sender,
-            path=self.clock.path,
-        )
-        oldest = self._waiting.put(picture)
-        if oldest is not None:
-            self._lose(oldest.message, f"{self.name}:{topic}")
+        super().deliver(topic, message, sender)
         if not self._arrived.triggered:
             self._arrived.succeed()
+
+    def flow(self, topic: str, message: Message) -> Hashable:
+        """Pictures wait by camera where ``serving`` says so, else all together."""
+        return camera_flow(topic, message) if self._serving.queue == "per_camera" else topic
 
     def _thread(self) -> Steps:
         """The detector's process: it gathers a batch, runs it, and sends its answers."""
@@ -95,33 +70,34 @@ class BatchingDetectorNode(DetectorNode):
         """Waits until there is a full batch, or the oldest picture has waited for as long as it
         may.
         """
-        clock, serving = self.clock, self._serving
+        clock, serving, pictures = self.clock, self._serving, self._waiting.items
         while True:
             self._arrived = clock.event()
-            if not self._pictures:
+            if not pictures:
                 yield self._arrived
                 continue
-            left_ns = self._pictures[0].arrived_ns + serving.wait_ns - clock.now
-            if len(self._pictures) >= serving.batch or left_ns <= 0:
+            left_ns = pictures[0].arrived_ns + serving.wait_ns - clock.now
+            if len(pictures) >= serving.batch or left_ns <= 0:
                 return
             yield clock.timeout(left_ns) | self._arrived
 
-    def _take_batch(self) -> list[Picture]:
-        batch = self._pictures[: self._serving.batch]
-        for picture in batch:
+    def _take_batch(self) -> list[Waiting]:
+        """The oldest pictures wait no more; the path of each goes on."""
+        batch = []
+        for picture in self._waiting.items[: self._serving.batch]:
             self._waiting.take(picture)
             self.clock.waited(picture.path, self._queueing)
-            picture.path = self.clock.path
+            batch.append(picture._replace(path=self.clock.path))
         return batch
 
-    def _run(self, batch: list[Picture]) -> Steps:
+    def _run(self, batch: list[Waiting]) -> Steps:
         clock, host = self.clock, self.host
         self._working[clock.active_process] = tuple(picture.message for picture in batch)
         service_ns = host.detection_ns(batch[0].message.header, len(batch))
         clock.path = batch[0].path
         yield from host.accelerator.serve(service_ns, self.work_label, pictures=len(batch))
 
-    def _answer(self, batch: list[Picture]) -> None:
+    def _answer(self, batch: list[Waiting]) -> None:
         """The batch is done: its answers leave, in its order."""
         clock = self.clock
         del self._working[clock.active_process]

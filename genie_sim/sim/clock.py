@@ -21,9 +21,20 @@ class Clock(simpy.Environment):
     """The time of a run: ``now`` is in whole nanoseconds since its start.
 
     If it ``keeps_paths``, every frame is followed, which changes nothing else: ``path`` is the
-    last span of the path of the message that is handled now. A process that has one in hand waits
-    with ``wait``, which continues its path, or takes it out of a queue with ``waited``. A span
-    begins where the one before it ends, so the spans of an answer add up to its response time.
+    last span of the path of the message that is handled now. A span begins where the one before it
+    ends, so the spans of an answer add up to its response time.
+
+    Whenever a process yields, others run and leave paths of their own here. So one that has a
+    message in hand waits with ``wait``, which gives the message its path back; a message that waits
+    in a queue takes its path along, and goes on with ``waited``::
+
+        self._queue.put(Waiting(message, clock.path))   # where the message arrives
+
+        message, path = yield self._queue.get()         # in the process that takes it
+        clock.waited(path, self._queueing)
+        yield from clock.wait(clock.timeout(service_ns), self._service)
+
+    Where that is left out nothing fails, but the time counts on the path of another frame.
 
     ``in_flight`` is how many calls are due that carry a message on.
     """

@@ -4,14 +4,14 @@ What a detector finds in it then comes from a recording of the same images after
 decoding.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from genie_sim.core.messages import Detection, Encoding, Frame, Image, Message
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.device import MEGABYTE
-from genie_sim.sim.ros_graph import Graph, Node
+from genie_sim.sim.ros_graph import Graph, Node, camera_flow
 
 
 class CodecTimes(NamedTuple):
@@ -89,9 +89,10 @@ class ImageCodec:
 
 
 class Coder(Node):
-    """Encodes or decodes images on the CPU of its host, then hands them to ``take``; all else it
-    hands over at once. It keeps the newest images of each camera, as the node that it belongs to
-    does.
+    """Takes the time in which images are encoded or decoded on the CPU of its host, then hands the
+    raw images to ``take``; all else it hands over at once. What goes over a link is encoded there,
+    by the ``Bridge``, without time. It keeps the newest images of each camera, as the node that it
+    belongs to does.
 
     Parameters
     ----------
@@ -125,10 +126,12 @@ class Coder(Node):
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes; an image waits with those of its camera."""
         if self._codec.is_image(message):
-            camera = message.header
-            self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
+            self.deliver(topic, message, sender)
         else:
             self._take(topic, message, sender)
+
+    def flow(self, topic: str, message: Message) -> Hashable:
+        return camera_flow(topic, message)
 
     def work(self, topic: str, message: Message, sender: str) -> Steps:
         raw = self._codec.decoded(message)
@@ -136,4 +139,4 @@ class Coder(Node):
         return self.host.cpu.serve(service_ns, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
-        self._take(topic.partition(" ")[0], self._codec.decoded(message), sender)
+        self._take(topic, self._codec.decoded(message), sender)

@@ -76,7 +76,8 @@ class Interceptor(Protocol):
         now_ns : int
             Simulated time [ns].
         sender : str, optional
-            The host from which it came, where that is another one.
+            The node that published it, of this host or another one, such as ``car1/camera_02`` or
+            ``edge2/genie``: what ``Publish(to=...)`` takes. ``None`` where real ROS does not tell.
         """
         ...
 
@@ -93,12 +94,12 @@ class Interceptor(Protocol):
         return []
 
     def cache_entries(self) -> int:
-        """The number of entries that a look-up searches, if ``HostConfig.per_entry_ns`` charges for
+        """The number of entries that a look-up searches, if ``Costs.per_entry_ns`` charges for
         each.
         """
         return 0
 
-    def on_void(self) -> Sequence[Observation]:
+    def on_memory_lost(self) -> Sequence[Observation]:
         """A fault takes its state: each request that it owes an answer is ``Expired``, its objects
         ``Forgotten``.
         """
@@ -194,6 +195,40 @@ REMOTE_UPLINK = UplinkTopics(IMAGES + REMOTE, OBJECTS + REMOTE)
 
 
 @dataclass(frozen=True)
+class Costs:
+    """What the messages of an interceptor cost: CPU time of its host. By itself each one that comes
+    takes the Genie time of the device profile.
+
+    Parameters
+    ----------
+    is_free : bool
+        Whether nothing costs anything, as under a bound.
+    key : str or None
+        The feature that is computed of every image, which takes its time first. Whoever gets the
+        image from the interceptor gets the feature, too.
+    per_entry_ns : int
+        CPU time [ns] that the search for such a key takes for each entry of the cache.
+    relay_time_ns : int or None
+        CPU time [ns] of every message that comes, but for images with a ``key``, where the Genie
+        time is that of the answers of its own making alone.
+    passes : {1, 2}
+        With 2, answers of its own making take the Genie time, too, before they leave. Set by the
+        scenario (``genie.passes``), whatever a method says.
+    """
+
+    is_free: bool = False
+    key: str | None = None
+    per_entry_ns: int = 0
+    relay_time_ns: int | None = None
+    passes: int = 1
+
+    @property
+    def charge_answers(self) -> bool:
+        """Whether an answer of the interceptor's own making takes time before it leaves."""
+        return not self.is_free and (self.passes == 2 or self.relay_time_ns is not None)
+
+
+@dataclass(frozen=True)
 class HostConfig:
     """What a method puts on a host.
 
@@ -208,16 +243,8 @@ class HostConfig:
         Connects a car to its edge.
     neighbour_topics : tuple of str
         What neighbouring edges publish on these topics reaches this edge.
-    key : str or None
-        The feature that the interceptor computes of every image, which takes its time here. Whoever
-        gets the image from it gets the feature, too.
-    costs_nothing : bool
-        Whether the interceptor takes no CPU time, as that of a bound.
-    per_entry_ns : int
-        CPU time [ns] that a look-up takes for each entry of the cache.
-    relay_time_ns : int or None
-        CPU time of each message that comes to the interceptor, where only answers of its own making
-        cost the Genie time of the device; ``None`` where every message costs that [ns].
+    costs : Costs
+        What the interceptor's messages cost.
     is_beside : bool
         Whether the interceptor leaves the detector its topics, and only listens and speaks there.
     """
@@ -226,10 +253,7 @@ class HostConfig:
     interceptor: MakeInterceptor | None = None
     uplink: UplinkTopics | None = None
     neighbour_topics: tuple[str, ...] = ()
-    key: str | None = None
-    costs_nothing: bool = False
-    per_entry_ns: int = 0
-    relay_time_ns: int | None = None
+    costs: Costs = Costs()
     is_beside: bool = False
 
 

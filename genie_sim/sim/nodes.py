@@ -19,13 +19,13 @@ from genie_sim.core.messages import (
     Publish,
 )
 from genie_sim.sim.clock import Steps
-from genie_sim.sim.method import LOCAL, OBJECTS, HostConfig, Interceptor, MakeInterceptor
+from genie_sim.sim.method import LOCAL, OBJECTS, Costs, Interceptor, MakeInterceptor
 from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.ros_graph import Graph, Node
 
 TIMER_STEP_NS = 1_000_000  # a node that wants to be woken at once again waits so long
 MAX_PATHS = 20_000  # of frames, that a node remembers
-DEFAULT_CONFIG = HostConfig()
+DEFAULT_COSTS = Costs()
 Observer = Callable[[str, Observation, int], None]  # the node's name, its observation, and when
 
 
@@ -52,8 +52,8 @@ class InterceptorNode(Node):
     """A pure node in the simulated graph: every message costs CPU time, every effect becomes a
     publication.
 
-    With two ``passes`` an answer of its own making costs CPU time, too, before it leaves on the
-    original topic; an answer of the detector or another node has paid on arrival.
+    Where ``costs`` charge answers, one of its own making costs CPU time, too, before it leaves on
+    the original topic; an answer of the detector or another node has paid on arrival.
 
     Parameters
     ----------
@@ -63,10 +63,8 @@ class InterceptorNode(Node):
         The graph that it registers with.
     observe : callable
         Called with the node's name, each observation, and the time [ns].
-    config : HostConfig
-        What the pure node's look-ups cost.
-    passes : {1, 2}
-        How often an answer costs CPU time.
+    costs : Costs
+        What the pure node's messages cost.
     """
 
     def __init__(
@@ -74,8 +72,7 @@ class InterceptorNode(Node):
         make: Callable[[], Interceptor],
         graph: Graph,
         observe: Observer,
-        config: HostConfig = DEFAULT_CONFIG,
-        passes: int = 1,
+        costs: Costs = DEFAULT_COSTS,
     ) -> None:
         pure = make()
         threads = graph.host.device.cores
@@ -84,14 +81,10 @@ class InterceptorNode(Node):
         )
         self.pure = pure
         self._make = make
-        self._key = config.key
-        self._costs_nothing = config.costs_nothing
-        self._per_entry_ns = config.per_entry_ns
+        self._costs = costs
+        self._charges_answers = costs.charge_answers
         self._observe = observe
         self._timer_set = False
-        self._relay_time_ns = config.relay_time_ns
-        charges_answers = passes == 2 or config.relay_time_ns is not None
-        self._charges_answers = charges_answers and not config.costs_nothing
         self._pending = SpanLabel("pending", pure.name)
         self._paths: OrderedDict[Header, Span] = OrderedDict()  # of the requested frames
 
@@ -100,20 +93,21 @@ class InterceptorNode(Node):
         return self._timer_set or super().is_busy
 
     def work(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
-        if self._costs_nothing:
+        costs = self._costs
+        if costs.is_free:
             return ()
-        if self._key is not None and isinstance(message, Image):
-            return self._look_up(self._key, topic, message, sender)
-        if self._relay_time_ns is not None:
-            return self.host.cpu.serve(self._relay_time_ns, self.work_label)
+        if costs.key is not None and isinstance(message, Image):
+            return self._look_up(costs.key, topic, message, sender)
+        if costs.relay_time_ns is not None:
+            return self.host.cpu.serve(costs.relay_time_ns, self.work_label)
         return self.host.serve_message(topic, message, sender, self.work_label)
 
     def _look_up(self, key: str, topic: str, message: Message, sender: str) -> Steps:
         """Computes the key of an image, searches the cache, then handles the message."""
         host, label = self.host, self.work_label
         yield from host.compute_key(key, label)
-        if self._per_entry_ns:
-            yield from host.cpu.serve(self._per_entry_ns * self.pure.cache_entries(), label)
+        if per_entry_ns := self._costs.per_entry_ns:
+            yield from host.cpu.serve(per_entry_ns * self.pure.cache_entries(), label)
         yield from host.serve_message(topic, message, sender, label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
@@ -130,8 +124,8 @@ class InterceptorNode(Node):
             self._timer_set = True
             self.clock.process(self._watch_deadlines(self.clock.path))
 
-    def forget(self, where: str) -> None:
-        for record in self.pure.on_void():
+    def lose_memory(self, where: str) -> None:
+        for record in self.pure.on_memory_lost():
             if isinstance(record, Expired):
                 self.graph.dropped(Detections(record.header, ()), where)
             else:
@@ -201,8 +195,7 @@ def attach(
     make: MakeInterceptor,
     observe: Observer,
     *,
-    config: HostConfig = DEFAULT_CONFIG,
-    passes: int = 1,
+    costs: Costs = DEFAULT_COSTS,
     suffix: str = LOCAL,
 ) -> InterceptorNode:
     """Encapsulates a running node (Section III-B), which itself is not changed.
@@ -220,15 +213,11 @@ def attach(
         Makes the interceptor from T_S and T_P.
     observe : callable
         See ``InterceptorNode``.
-    config : HostConfig
-        See ``InterceptorNode``.
-    passes : {1, 2}
+    costs : Costs
         See ``InterceptorNode``.
     suffix : str
         What is appended to the node's topics.
     """
     inputs, outputs = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*inputs, *outputs)})
-    return InterceptorNode(
-        lambda: make(inputs, outputs), graph, observe, config=config, passes=passes
-    )
+    return InterceptorNode(lambda: make(inputs, outputs), graph, observe, costs=costs)

@@ -2,7 +2,7 @@
 remappings.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from itertools import chain
 from typing import NamedTuple
 
@@ -106,7 +106,7 @@ class Graph:
         for node in self.nodes:
             node.void(where)
             if not keeps_memory:
-                node.forget(where)
+                node.lose_memory(where)
 
     @property
     def is_busy(self) -> bool:
@@ -158,17 +158,26 @@ class Graph:
 class Waiting(NamedTuple):
     """A message that waits for a thread of a node."""
 
-    flow: str  # its topic: the newest of each topic are kept
+    flow: Hashable  # the newest of each are kept
+    topic: str
     message: Message
     sender: str
+    arrived_ns: int
     path: Span | None
 
 
-class Node(Subscriber, Resource):
-    """A ROS node: a queue that keeps the newest messages of each topic, and callback threads that
-    serve it. Each thread is a process.
+def camera_flow(topic: str, message: Message) -> Hashable:
+    """The flow of a camera's images."""
+    header = message.header
+    return topic, header.origin, header.frame_id
 
-    Subclasses say what handling a message takes (``work``) and what follows (``handle``).
+
+class Node(Subscriber, Resource):
+    """A ROS node: a queue that keeps the newest messages of each flow, by itself of each topic, and
+    callback threads that serve it. Each thread is a process.
+
+    Subclasses say what handling a message takes (``work``) and what follows (``handle``), and may
+    say which messages push each other out of the queue (``flow``).
 
     Parameters
     ----------
@@ -237,7 +246,8 @@ class Node(Subscriber, Resource):
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """A message arrives, and waits for a thread."""
-        oldest = self._waiting.put(Waiting(topic, message, sender, self.clock.path))
+        clock, flow = self.clock, self.flow(topic, message)
+        oldest = self._waiting.put(Waiting(flow, topic, message, sender, clock.now, clock.path))
         if oldest is not None:
             self._lose(oldest.message, f"{self.name}:{topic}")
 
@@ -253,10 +263,14 @@ class Node(Subscriber, Resource):
             thread.interrupt(where)
         self._working.clear()
 
-    def forget(self, where: str) -> None:
+    def lose_memory(self, where: str) -> None:
         """A fault, called ``where``, takes what the node has in memory; by itself that is
         nothing.
         """
+
+    def flow(self, topic: str, message: Message) -> Hashable:
+        """Which of the messages that wait a new one may push out."""
+        return topic
 
     def work(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
         """What handling a message takes: the part of a process that waits for the devices."""
@@ -273,7 +287,7 @@ class Node(Subscriber, Resource):
         clock = self.clock
         thread = clock.active_process
         while True:
-            topic, message, sender, path = yield self._waiting.get()
+            _, topic, message, sender, _, path = yield self._waiting.get()
             self._working[thread] = (message,)
             clock.waited(path, self._queueing)
             try:

@@ -161,14 +161,12 @@ class World:
         if make is None:
             return
         observe = partial(self.monitor.observe, placement)
-        passes = self.setup.settings.genie.passes
+        costs = replace(config.costs, passes=self.setup.settings.genie.passes)
         if config.detector and not config.is_beside:
             detector = f"{graph.name}/{DETECTOR}"
-            node = attach(graph, detector, make, observe, config=config, passes=passes)
+            node = attach(graph, detector, make, observe, costs=costs)
         else:
-            node = InterceptorNode(
-                lambda: make((IMAGES,), (OBJECTS,)), graph, observe, config=config, passes=passes
-            )
+            node = InterceptorNode(lambda: make((IMAGES,), (OBJECTS,)), graph, observe, costs=costs)
         self.network.resources.append(node)
         if not config.is_beside:
             graph.entry = node.name

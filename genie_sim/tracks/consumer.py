@@ -12,7 +12,7 @@ from genie_sim.base import units
 from genie_sim.base.settings import SettingError, Share
 from genie_sim.core.messages import Detection, Detections, Header, Image, Look
 from genie_sim.tracks.coverage import Viewer
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.track_map import TrackMap
 
@@ -103,7 +103,7 @@ class Tracker(Consumer):
 
     def __init__(self, p_min: float = 0.8, tau_ns: int = 0, laws: DetectorLaws = ASSUMED) -> None:
         super().__init__()
-        self._map = TrackMap(Existence(p_min, tau_ns, laws))
+        self._map = TrackMap(ExistenceFilter(p_min, tau_ns, laws))
 
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         look = answer.look

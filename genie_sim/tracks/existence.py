@@ -15,7 +15,7 @@ LOG_MOVING, LOG_PARKED, LOG_UNKNOWN = math.log(0.87), math.log(0.9998), math.log
 GONE = 0.05  # assumed: a track that exists with this probability is forgotten
 
 
-class Existence:
+class ExistenceFilter:
     """What looks say about tracks: how likely each exists, and when it is forgotten.
 
     Parameters
@@ -43,7 +43,7 @@ class Existence:
         gone_ns = track.checked_ns + round(over / -track.log_survival * 1e9)
         return min(gone_ns, track.seen_ns + COAST_NS) if track.moving else gone_ns
 
-    def existence(self, track: Track, now_ns: int) -> float:
+    def probability(self, track: Track, now_ns: int) -> float:
         """How likely a track exists at a time [ns]."""
         p = track.existence
         dt_ns = now_ns - track.checked_ns
@@ -81,7 +81,7 @@ class Existence:
         """Brings a track to the time of a look, which is its last from now on; returns how likely
         it exists before the look is weighed. A look that comes late ages nothing.
         """
-        p = self.existence(track, stamp_ns)
+        p = self.probability(track, stamp_ns)
         track.checked_ns = max(track.checked_ns, stamp_ns)
         return p
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.base.grid import Grid
 from genie_sim.core.messages import Detection, Header
 
 COAST_NS = 1_000_000_000  # assumed: so long a place is predicted after it was last seen
@@ -71,7 +72,7 @@ KINDS |= {label: FIXED_OBJECT._replace(group=label) for label in FIXED}
 @functools.cache
 def kind_of(label: str) -> MotionClass:
     """How a class moves. Car, truck and bus are one group: detectors confuse them. An unknown class
-    moves as persons do, in a group of its own.
+    moves as persons do, in a group of its own. Each group is one object, which ``is`` compares.
     """
     return KINDS[label] if label in KINDS else PERSON._replace(group=label)
 
@@ -82,7 +83,7 @@ class Track:
 
     ``variance`` are those of place [m2], of place and velocity together, and of velocity [(m/s)2].
     ``existence`` is the probability that the object is there, at ``checked_ns``, when the last look
-    at it was weighed. Each field has one writer: ``update``, ``Existence`` or ``TrackMap``.
+    at it was weighed. Each field has one writer: ``update``, ``ExistenceFilter`` or ``TrackMap``.
     """
 
     number: int
@@ -100,12 +101,13 @@ class Track:
     slow_since_ns: int | None = None
     seen_by_ns: dict[str, int] = field(default_factory=dict)  # newest stamp of each car's sightings
     range_m: float = 0.0  # from the camera of the last sighting
-    # Existence
+    # ExistenceFilter
     existence: float = 1.0
     checked_ns: int = 0
     log_survival: float = 0.0  # of the probability, per second that nobody looks
     # TrackMap
-    cell: float | None = None  # of the grid that it is in
+    grid: "Grid[Track] | None" = None  # that it is in
+    cell: float = 0.0  # of that grid
     due_ns: int | None = None  # when its time may be over
 
     @property

@@ -14,7 +14,7 @@ from genie_sim.base.grid import Area, Grid, area_around, widened
 from genie_sim.core.messages import Detection, Header, Look, MapChange, ObjectLookups
 from genie_sim.core.view import ViewSector
 from genie_sim.tracks.coverage import FARTHEST_M, Coverage, Viewer
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track import COAST_NS, NEAR_M, VEHICLE, Track, kind_of, sigma_of
 
 SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0  # sides of the grids' cells, which change speed alone
@@ -48,11 +48,12 @@ class Pair(NamedTuple):
 
 class TrackMap:
     """A map of tracks: it learns looks, each once, and gives the objects that it believes in, where
-    they are predicted. The tracks are in two grids, one of those that hardly move.
+    they are predicted. The tracks are in two grids, one of those that hardly move; each track knows
+    its grid and cell, and is taken out before it gets into another.
 
     Parameters
     ----------
-    existence : Existence
+    existence : ExistenceFilter
         How likely a track still exists, and when it is forgotten.
     view_range_m : float
         How far away objects in view may be [m].
@@ -62,7 +63,7 @@ class TrackMap:
 
     def __init__(
         self,
-        existence: Existence,
+        existence: ExistenceFilter,
         *,
         view_range_m: float = 50.0,
         view_margin_rad: float = 0.0,
@@ -99,12 +100,12 @@ class TrackMap:
         waiting = self._to_forget
         while waiting and waiting[0][0] <= now_ns:
             due_ns, _, track = heapq.heappop(waiting)
-            if track.cell is None or track.due_ns != due_ns:
+            if track.grid is None or track.due_ns != due_ns:
                 continue  # gone, or noted for another time
             track.due_ns = None
             expires_ns = self._existence.expires_ns(track)
             if expires_ns <= now_ns:
-                self._take_out(track, was_moving=track.moving)
+                self._take_out(track)
                 gone.append(track)
             else:
                 self._plan(track)
@@ -115,7 +116,7 @@ class TrackMap:
         for the log, with the objects' names if ``names_changes``.
         """
         tracks, before, gone = self._weigh(look, now_ns)
-        remaining = [track for track in tracks if track.cell is not None]
+        remaining = [track for track in tracks if track.grid is not None]
         return ObjectLookups(
             look.header,
             "sighting",
@@ -123,7 +124,7 @@ class TrackMap:
             hits=sum(p >= self.p_min for p in before.values()),
             updates=len(before),
             boost_sum=math.fsum(
-                self.existence(track, now_ns) - before[track.number]
+                self.probability(track, now_ns) - before[track.number]
                 for track in remaining
                 if track.number in before
             ),
@@ -149,9 +150,9 @@ class TrackMap:
         east_m, north_m, _ = detection.location
         return self._sector(viewer).distance_m(east_m, north_m) is not None
 
-    def existence(self, track: Track, now_ns: int) -> float:
+    def probability(self, track: Track, now_ns: int) -> float:
         """How likely a track exists at a time [ns]."""
-        return self._existence.existence(track, now_ns)
+        return self._existence.probability(track, now_ns)
 
     def contradicts(self, label: str, east_m: float, north_m: float, seen_ns: int) -> bool:
         """Whether a look that is newer than ``seen_ns`` covers a place, and the map has no track
@@ -201,7 +202,7 @@ class TrackMap:
             and track.checked_ns <= stamp_ns
             and (range_m := coverage.range_m(east_m, north_m)) is not None
         ]
-        before = {track.number: self.existence(track, now_ns) for track in track_of.values()}
+        before = {track.number: self.probability(track, now_ns) for track in track_of.values()}
         new_tracks: list[Track] = []
         for index, sighting in enumerate(detections):
             track_of[index] = self._sight(track_of.get(index), sighting, look, new_tracks)
@@ -227,10 +228,10 @@ class TrackMap:
         gone = []
         for pair in pairs:
             if (
-                pair.track.cell is not None
+                pair.track.grid is not None
                 and _distance_m(pair.track, track_of[pair.detection], at_ns) < NEAR_M
             ):
-                self._take_out(pair.track, was_moving=pair.track.moving)
+                self._take_out(pair.track)
                 gone.append(pair.track)
         return gone
 
@@ -278,7 +279,7 @@ class TrackMap:
             kind = kind_of(sighting.label)
             for twin in new_tracks:
                 if (
-                    twin.kind.group == kind.group
+                    twin.kind is kind
                     and math.hypot(twin.east_m - east_m, twin.north_m - north_m) < NEAR_M
                 ):
                     return twin
@@ -302,18 +303,18 @@ class TrackMap:
         else:
             self._move(track, sighting, range_m, header)
         self._existence.confirm(track, sighting.score, header)
-        if track.cell is None:  # new, or moved out of its cell
+        if track.grid is None:  # new, or moved out of its cell
             self._put(track)
         if track.due_ns is None or track.moving:
             self._plan(track)
         return track
 
     def _move(self, track: Track, sighting: Detection, range_m: float, header: Header) -> None:
-        """Updates a track by a sighting; takes it out of the grid if its cell has changed."""
-        was_moving, cell = track.moving, track.cell
+        """Updates a track by a sighting; takes it out of its cell if it belongs into another."""
         track.update(sighting, range_m, header)
-        if track.moving != was_moving or self._cell(track) != cell:
-            self._take_out(track, was_moving)
+        grid = self._grid(track)
+        if grid is not track.grid or grid.cell(track.east_m, track.north_m) != track.cell:
+            self._take_out(track)
 
     def _around(self, look: Look, detections: Iterable[Detection]) -> list[TrackInPlace]:
         """The tracks in view of a look, and around all that it shows, each with its place then."""
@@ -333,21 +334,22 @@ class TrackMap:
         for grid, drift_m in ((self._slow, SLOW_DRIFT_M), (self._fast, FAST_DRIFT_M)):
             yield from grid.inside(widened(area, drift_m))
 
-    def _cell(self, track: Track) -> float:
-        grid = self._fast if track.moving else self._slow
-        return grid.cell(track.east_m, track.north_m)
+    def _grid(self, track: Track) -> Grid[Track]:
+        """Where a track belongs, as fast as it is now."""
+        return self._fast if track.moving else self._slow
 
     def _put(self, track: Track) -> None:
         """Into the grid."""
-        track.cell = self._cell(track)
-        (self._fast if track.moving else self._slow).add(track.cell, track)
+        grid = self._grid(track)
+        track.grid, track.cell = grid, grid.cell(track.east_m, track.north_m)
+        grid.add(track.cell, track)
         self._count += 1
 
-    def _take_out(self, track: Track, was_moving: bool) -> None:
+    def _take_out(self, track: Track) -> None:
         """Out of the grid that it is in."""
-        assert track.cell is not None
-        (self._fast if was_moving else self._slow).remove(track.cell, track)
-        track.cell = None
+        assert track.grid is not None
+        track.grid.remove(track.cell, track)
+        track.grid = None
         self._count -= 1
 
     def _plan(self, track: Track) -> None:
@@ -361,7 +363,7 @@ class TrackMap:
 
     def _believed(self, tracks: Iterable[Track], now_ns: int) -> list[Detection]:
         """Those of these tracks that the map believes in, where they are now."""
-        likely = ((track, self.existence(track, now_ns)) for track in tracks)
+        likely = ((track, self.probability(track, now_ns)) for track in tracks)
         p_min = self.p_min
         return [track.as_detection(now_ns, p) for track, p in likely if p >= p_min]
 

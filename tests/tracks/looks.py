@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from genie_sim.core.messages import CameraPose, Detection, Header, Look
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import S, seen
 
@@ -22,7 +22,7 @@ def look(
 
 
 def tracks(existence=None, **settings) -> TrackMap:
-    return TrackMap(existence or Existence(), **settings)
+    return TrackMap(existence or ExistenceFilter(), **settings)
 
 
 def after(map_: TrackMap, *looks: Look) -> TrackMap:

@@ -11,7 +11,7 @@ from genie_sim.core.messages import (
     Header,
 )
 from genie_sim.tracks.coverage import Coverage
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from tests.core.worlds import OBJECTS, S, seen
 from tests.tracks.looks import MS, after, car, look, there, tracks
@@ -119,7 +119,7 @@ def test_two_detections_never_show_one_track():
     assert [one.sightings for one in map_] == [2, 2]
 
 
-# Existence
+# ExistenceFilter
 
 
 def textbook(p: float, dt_s: float, survival: float, found: float, ratio: float | None) -> float:
@@ -138,7 +138,7 @@ def textbook(p: float, dt_s: float, survival: float, found: float, ratio: float 
 )
 def test_existence_follows_the_textbooks_recursion(scores, range_m):
     laws = DetectorLaws((0.9,) * 7, (0.8,) * 7, ASSUMED.ratios, ASSUMED.firsts)
-    policy = Existence(laws=laws)
+    policy = ExistenceFilter(laws=laws)
     map_ = after(tracks(policy), look(0, car(range_m, score=0.6)))
     (held,) = map_
     p = 0.6
@@ -192,7 +192,7 @@ def test_a_detection_hides_what_is_two_metres_behind_it(east_m, hidden):
 @pytest.mark.parametrize(("p_min", "score", "hits"), [(0.8, 0.7, 0), (0.5, 0.7, 1)])
 def test_a_sighting_hits_what_may_leave(p_min: float, score: float, hits: int):
     """After one look the object exists with about the probability that its score is."""
-    map_ = after(tracks(Existence(p_min)), look(0.0, car(score=score)))
+    map_ = after(tracks(ExistenceFilter(p_min)), look(0.0, car(score=score)))
     again = map_.learn(look(0.1, car(score=score)), round(0.1 * S), names_changes=False)
     assert (again.requests, again.updates, again.hits) == (1, 1, hits)
 
@@ -216,7 +216,7 @@ def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, tau
     """
 
     def outcome() -> list[tuple[float, ...]]:
-        map_ = tracks(Existence(tau_ns=tau_ns))
+        map_ = tracks(ExistenceFilter(tau_ns=tau_ns))
         for i, many in enumerate(rounds):
             t_s = many[0][0] if many else 0.0
             found = [seen(label, score, at=(east, north)) for _, east, north, score, label in many]

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.core.messages import Header, Look
 from genie_sim.tracks.coverage import Viewer
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED
 from genie_sim.tracks.track import VEHICLE
 from genie_sim.tracks.track_map import TrackMap
@@ -31,10 +31,10 @@ def track(existence: float) -> SimpleNamespace:
     )
 
 
-def policy(tau_ms: int) -> Existence:
+def policy(tau_ms: int) -> ExistenceFilter:
     """Of a detector that finds nine of ten, and whose every score is worth a ratio of 4."""
     laws = ASSUMED._replace(vehicles=(0.9,) * 7, ratios=(4.0,) * 11)
-    return Existence(tau_ns=tau_ms * MS, laws=laws)
+    return ExistenceFilter(tau_ns=tau_ms * MS, laws=laws)
 
 
 @pytest.fixture(autouse=True)
@@ -70,7 +70,7 @@ def test_a_look_after_tau_counts_whole():
     ("bearing_deg", "margin_deg", "shown"), [(44, 0, 1), (50, 0, 0), (50, 10, 1), (60, 10, 0)]
 )
 def test_answers_out_of_the_map_look_wider_by_the_margin(bearing_deg, margin_deg, shown):
-    object_map = TrackMap(Existence(p_min=0.1), view_margin_rad=math.radians(margin_deg))
+    object_map = TrackMap(ExistenceFilter(p_min=0.1), view_margin_rad=math.radians(margin_deg))
     image = frame(0.0)  # 90 degrees wide
     angle = math.radians(bearing_deg)
     at = (0.5 + 20 * math.cos(angle), 0.5 + 20 * math.sin(angle))

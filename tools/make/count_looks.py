@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from genie_sim.core.messages import Header, Look
-from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED, RANGE_STEP_M, SCORE_STEP
 from genie_sim.tracks.measure import SCORES, LawCounts
 from genie_sim.tracks.track import COAST_NS, VEHICLE, Track
@@ -35,7 +35,7 @@ class _Record:
         return sum(found for _, found in self.looks) / len(self.looks)
 
 
-class _Census(Existence):
+class _Census(ExistenceFilter):
     """Expires no track for what looks miss, and logs every look at it."""
 
     def __init__(self) -> None:

@@ -123,8 +123,9 @@ def own_code() -> Lines:
     yield from (f"\n::: genie_sim.api.{name}" for name in API)
     yield "\n## `genie_sim.extend`\n\nFor a class of your own; constants stand first.\n"
     documented = {}
-    for name in extend.__all__:
-        value = getattr(extend, name)
+    for name, value in vars(extend).items():
+        if name.startswith("_"):
+            continue
         if inspect.isclass(value) or inspect.isfunction(value):
             documented[name] = value
         else:

@@ -212,10 +212,10 @@ def make_gateway(
         Makes answers out of map objects; ``None`` if no answer holds objects.
     """
     settings = checked_settings(plan.settings, plan.pose_topic)
-    middleware: dict[str, Any] = {"suffixes": (LOCAL, REMOTE), "map_answer": None}
+    middleware: dict[str, Any] = {"suffixes": (LOCAL, REMOTE), "make_answer": None}
     rules = GenieRules() if isinstance(settings, Recommended) else settings
     if object_codec is not None and plan.pose_topic is not None:
-        middleware["map_answer"] = lambda header, objects: RosMessage(
+        middleware["make_answer"] = lambda header, objects: RosMessage(
             header, b"", object_codec, objects=tuple(objects), source="map"
         )
     return Gateway(
@@ -238,7 +238,7 @@ def _genie_of(
         suffixes: tuple[str, str] = middleware["suffixes"]
         if plan.role == "edge":
             return EdgeRelay(plan.name, plan.requests, plan.answers, suffixes=suffixes)
-        if middleware["map_answer"] is None:
+        if middleware["make_answer"] is None:
             raise UserError(f"genie: recommended: {', '.join(plan.answers)} carries no objects")
         return settings.car_genie(
             plan.name,
@@ -246,14 +246,14 @@ def _genie_of(
             plan.answers,
             has_edge=bool(plan.connect),
             object_map=settings.new_map(),
-            map_answer=middleware["map_answer"],
+            make_answer=middleware["make_answer"],
             suffixes=suffixes,
         )
     if plan.role == "edge":
         rules = rules_on_edge(settings)
     else:
         rules = rules_on_car(settings, alone=not plan.connect)
-    if middleware["map_answer"] is None and rules.miss_policy == "immediate":
+    if middleware["make_answer"] is None and rules.miss_policy == "immediate":
         # there is no map to answer from meanwhile
         rules = replace(rules, miss_policy="blocking")
     return make_genie(rules, plan.name, plan.requests, plan.answers, **middleware)
