@@ -21,44 +21,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from genie_sim import kinds
-from genie_sim.analysis.plots import Plots
+from genie_sim.analysis.plots import Plots as Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.base import files
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.errors import UserError as UserError
+from genie_sim.base.errors import short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import plain, typed
 from genie_sim.base.settings import plain_data
-from genie_sim.kinds import Run, Runs
+from genie_sim.kinds import Run as Run
+from genie_sim.kinds import Runs as Runs
 from genie_sim.record import results
 from genie_sim.report.output import Output
-from genie_sim.report.result import Comparison, Result
+from genie_sim.report.result import Comparison as Comparison
+from genie_sim.report.result import Result
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
 from genie_sim.scenario import reading
-from genie_sim.scenario.scenario import Scenario
+from genie_sim.scenario.scenario import Scenario as Scenario
 
 if TYPE_CHECKING:
     from genie_sim.paper.reproduce import Reproduction
     from genie_sim.study.design import Design
     from genie_sim.study.sweep import Sweep
     from genie_sim.study.work import Workers
-
-__all__ = [
-    "Comparison",
-    "Plots",
-    "Run",
-    "Runs",
-    "Scenario",
-    "UserError",
-    "compare",
-    "load",
-    "load_scenario",
-    "reproduce",
-    "run",
-    "run_seeds",
-    "sweep",
-]
 
 Settings = Mapping[str, Any] | Sequence[str]
 
@@ -148,8 +135,8 @@ def run_seeds(
         design_of(loaded, plain(seeds, "seeds")),
         loaded.name,
         out,
-        _workers(jobs, plain_data(loaded)),
         _output(report and out is not None, figures and out is not None),
+        jobs=jobs,
         base=loaded,
         label=label,
         progress=progress,
@@ -161,9 +148,10 @@ def _studied(
     design: "Design",
     where: str,
     out: str | Path | None,
-    workers: "Workers",
     output: Output,
     *,
+    jobs: int | None,
+    scheduler: str | None = None,
     base: Scenario | None = None,
     methods: Sequence[str] = (),
     label: str = "",
@@ -177,6 +165,7 @@ def _studied(
     from genie_sim.study.design import write_described
     from genie_sim.study.study import AS_FILE, Study
 
+    _check_jobs(jobs)
     if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
         raise UserError(f"shard: {short_repr(shard)}: expected i and n, with i from 1 to n")
     with tempfile.TemporaryDirectory() as scratch:
@@ -190,6 +179,8 @@ def _studied(
             label=results.checked_label(label),
             reports=output.page,
         )
+        scenarios = [run.scenario for run in study.plan.runs.values()]
+        workers = _workers(jobs, scheduler, scenarios)
         study.run(workers, (shard[0], shard[1]), progress)
         if described:
             write_described(study.folder / AS_FILE, described, methods)
@@ -323,8 +314,9 @@ def sweep(
         design,
         where,
         out,
-        _workers(jobs, given, names, scheduler=scheduler),
         Output(page=out is not None),
+        jobs=jobs,
+        scheduler=scheduler,
         methods=names,
         label=label,
         shard=shard,
@@ -423,18 +415,20 @@ def _check_jobs(jobs: int | None) -> None:
         raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
 
 
-def _workers(jobs: int | None, *given: Any, scheduler: str | None = None) -> "Workers":
+def _workers(jobs: int | None, scheduler: str | None, scenarios: Sequence[Scenario]) -> "Workers":
     """So many processes, by default one a core. A class from a notebook or an interactive session
-    is known in this process alone: where ``given`` names one, everything runs here. Raises
+    is known in this process alone: where a scenario names one, everything runs here. Raises
     ``UserError`` where several processes are asked for all the same.
     """
     from genie_sim.base import parallel
     from genie_sim.study.work import Workers
 
-    _check_jobs(jobs)
-    names_main = '"__main__:' in json.dumps(given, default=str)
     script = getattr(sys.modules["__main__"], "__file__", None)
-    if names_main and (script is None or not Path(script).is_file()):
+    if (script is None or not Path(script).is_file()) and any(
+        name.startswith("__main__:")
+        for scenario in scenarios
+        for _, name in scenario.own_classes().values()
+    ):
         if jobs not in (None, 1):
             raise UserError(
                 f"jobs: {jobs} processes do not know a class of this notebook: leave jobs out, or"

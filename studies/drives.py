@@ -46,7 +46,7 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import t_quantile
-from genie_sim.base.parallel import in_parallel, workers_here
+from genie_sim.base.parallel import in_processes, workers_here
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Header, Image
 from genie_sim.core.rules import SIMILARITY
@@ -133,7 +133,9 @@ def run(root: Path, sequence: str, folder: Path, jobs: int) -> list[dict[str, An
     settings, share = settings_of(path, drive_s), same_cell_share(trace)
     runs = [(scenario, seed, settings) for scenario in SCENARIOS for seed in SEEDS]
     rows = []
-    for (scenario, seed, _), numbers in zip(runs, in_parallel(numbers_of, runs, jobs), strict=True):
+    for (scenario, seed, _), numbers in zip(
+        runs, in_processes(numbers_of, runs, jobs), strict=True
+    ):
         row = {"sequence": sequence, "scenario": scenario, "seed": seed}
         row |= {"drive_s": drive_s, SAME_CELL: share}
         rows.append(row | {str(number): numbers.get(number, math.nan) for number in NUMBERS})

@@ -102,12 +102,6 @@ def in_processes(
         results.close()
 
 
-def in_parallel(run: Callable[[Job], Done], jobs: Sequence[Job], workers: int) -> list[Done]:
-    """``run`` of each job, in the order of the jobs. Ctrl-C stops all processes."""
-    with contextlib.closing(in_processes(run, jobs, workers)) as results:
-        return list(results)
-
-
 @contextlib.contextmanager
 def _deaf_to_ctrl_c() -> Generator[None]:
     """Ctrl-C waits until this ends, and for ever in the processes that begin here: they may still

@@ -3,6 +3,12 @@
 
 A registry is an explicit dict from a name to a class, or to the text ``package.module:Class`` of
 one that is imported when it is asked for.
+
+The way of a class of the user's own: ``own_code_allowed`` says whether one may be imported at all,
+``resolve`` imports it, ``call`` calls it; ``own_faults_told``, around both and around a simulation,
+turns what it raises into a line that names it. ``own_fault`` makes that line, ``own_place`` finds
+whose code it is. What it returns is checked where it is used (``base.contracts``; frames in
+``runs.own_classes``).
 """
 
 import importlib
@@ -26,7 +32,7 @@ _own_modules: dict[str, str] = {}  # what was asked of each
 
 
 @contextmanager
-def own_code(allowed: bool) -> Iterator[None]:
+def own_code_allowed(allowed: bool) -> Iterator[None]:
     """Unless ``allowed``, nothing in this process imports a class of the user's own while it lasts:
     what a result folder names may be anybody's. Around everything that a command does with such a
     folder.

@@ -8,18 +8,20 @@ arguments of a plug-in's class are settings in the same way.
 A class may have a class method ``expand``, which turns a short form into a mapping or an instance
 before it is read, and a method ``shorten``, which does the opposite. What its ``__post_init__``
 raises as ``SettingError`` is reported with the path of that field.
+
+Four functions go through the types that a setting may have, and a new one needs a case in each:
+``_value`` reads it, ``_fits`` says whether it is meant in a union, ``_plain`` writes it, and
+``scenario.schema._schema`` tells editors of it. ``tests/scenario/test_kinds_of_settings.py`` takes
+every type through all four.
 """
 
-import ast
 import dataclasses
 import difflib
 import functools
 import importlib
 import inspect
-import itertools
 import math
 import re
-import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType, NoneType, UnionType
 from typing import (
@@ -34,16 +36,13 @@ from typing import (
 )
 
 from genie_sim.base import plugins, units
-from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
-from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice, Parameter
+from genie_sim.base.plugins import Choice, Parameter
 from genie_sim.base.units import Quantity
 
-Schema = dict[str, Any]
 Settings = TypeVar("Settings")
 CLOSE = 0.75  # of difflib's ratio: above it a misspelt name, below it perhaps one of another place
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
-OWN_CLASS = {"type": "string", "pattern": OWN_CLASS_PATTERN}
 
 
 class SettingError(ValueError):
@@ -129,12 +128,6 @@ class Bounds:
         limits = {"at least": self.minimum, "more than": self.above, "at most": self.maximum}
         given = [f"{words} {text(limit)}" for words, limit in limits.items() if limit is not None]
         return " and ".join(given)
-
-    def schema(self) -> Schema:
-        """As in JSON Schema."""
-        names = ("minimum", "exclusiveMinimum", "maximum")
-        limits = zip(names, dataclasses.astuple(self), strict=True)
-        return {name: limit for name, limit in limits if limit is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -316,31 +309,6 @@ def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
 def is_settings_class(kind: Any) -> bool:
     """Whether a type is a settings class, which a plug-in by name is not."""
     return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
-
-
-@functools.cache
-def descriptions(cls: type) -> dict[str, str]:
-    """What each setting of a class means, by its name in Python: the text below a field of a
-    dataclass, or the entry of an argument in the section ``Parameters`` of any other class.
-    """
-    if not is_settings_class(cls):
-        _, _, section = (docstring(cls) or inspect.getdoc(cls) or "").partition(
-            "Parameters\n----------\n"
-        )
-        section, _, _ = section.partition("\n\n")
-        found = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", section, re.MULTILINE)
-        return {name: " ".join(text.split()) for name, text in found}
-    texts: dict[str, str] = {}
-    for owner in filter(dataclasses.is_dataclass, reversed(cls.__mro__)):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        for field, below in itertools.pairwise(tree.body):  # type: ignore[attr-defined]
-            match field, below:
-                case (
-                    ast.AnnAssign(target=ast.Name(id=name)),
-                    ast.Expr(value=ast.Constant(value=str(text))),
-                ):
-                    texts[name] = " ".join(text.split())
-    return texts
 
 
 # --- reading
@@ -709,31 +677,6 @@ class PlugIn:
             return {self.key: value.name, **value.parameters}
         return {self.key: value.name, **_written(self.resolve(value.name), value.parameters)}
 
-    def schema(self, classes: dict[str, Schema]) -> Schema:
-        """A name, or a mapping of the name and the settings of its class."""
-        own_name = {"description": "A class of your own, `package.module:Class`.", **OWN_CLASS}
-        own = {"type": "object", "properties": {self.key: own_name}, "required": [self.key]}
-        shipped = []
-        for name in self.registry:
-            schema = class_schema(self.resolve(name), classes)
-            schema["properties"] = {self.key: {"const": name}, **schema["properties"]}
-            if name != self.default:
-                schema["required"] = [self.key, *schema.get("required", ())]
-            shipped.append(schema)
-        names = self.names_schema()
-        if self.presets is not None:
-            names = [{"enum": list(self.presets.choices)}]
-            text = f"A named {self.presets.what} that gives the settings left out."
-            like = {"like": {"description": text, "enum": list(self.presets.choices)}}
-            for schema in shipped:
-                schema["properties"] = like | schema["properties"]
-                schema.pop("required", None)
-        return {"anyOf": [*names, *shipped, own]}
-
-    def names_schema(self) -> list[Schema]:
-        """What a name alone may be."""
-        return [{"enum": list(self.registry)}, OWN_CLASS]
-
 
 def complete(name: str, cls: Callable[..., Any], **parameters: Any) -> Choice:
     """The choice of a shipped class, with the defaults of what is not given."""
@@ -911,85 +854,3 @@ def _written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, An
         for setting in settings_of(cls)
         if setting.name in values
     }
-
-
-# --- JSON Schema
-
-
-def class_schema(cls: Callable[..., Any], classes: dict[str, Schema]) -> Schema:
-    """The mapping of a settings class; the classes of its own settings go to ``classes``."""
-    texts = descriptions(cls)
-    properties: Schema = {}
-    closed = True
-    for setting in settings_of(cls):
-        mark = mark_in(setting.annotation, PlugIn)
-        text = {"description": texts[setting.name]} if setting.name in texts else {}
-        if mark is not None and mark.beside:  # its own settings stand beside those of the class
-            closed = False
-            schema = {"anyOf": mark.names_schema()}
-            for beside in mark.beside:
-                properties |= class_schema(beside, classes)["properties"]
-        else:
-            schema = _schema(setting.kind, classes)
-            if setting.default is not REQUIRED:
-                schema = {**schema, "default": plain_default(setting)}
-        properties[setting.key] = {**text, **schema}
-    mapping: Schema = {
-        "type": "object",
-        "description": docstring(cls),
-        "properties": properties,
-        "additionalProperties": not closed,
-    }
-    required = [setting.key for setting in settings_of(cls) if setting.default is REQUIRED]
-    return {**mapping, "required": required} if required else mapping
-
-
-TYPES = {int: "integer", float: "number", str: "string", bool: "boolean", NoneType: "null"}
-
-
-def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
-    marks, short = kind.marks, kind.marks.get(Short)
-    shorts: list[Schema] = []
-    if short is not None:
-        texts = {"type": "string", "examples": list(short.examples)}
-        shorts = [texts] if short.plug_in is None else short.plug_in.names_schema()
-    if PlugIn in marks and kind.type in (str, Choice):
-        named = {"anyOf": marks[PlugIn].names_schema()}
-        return named if kind.type is str else marks[PlugIn].schema(classes)
-    schema: Schema = {}
-    match kind.type:
-        case origin if origin in (Union, UnionType):
-            return {"anyOf": [*shorts, *(_schema(member, classes) for member in kind.members)]}
-        case origin if origin is Literal:
-            return {"enum": list(kind.arguments), "type": "string"}
-        case origin if origin is tuple and kind.arguments:
-            inner = [_schema(item, classes) for item in kind.items]
-            if kind.arguments[-1] is ...:
-                schema = {"type": "array", "items": inner[0]}
-                return {**schema, "minItems": 1} if NotEmpty in marks else schema
-            count = {"minItems": len(inner), "maxItems": len(inner)}
-            return {"type": "array", "prefixItems": inner, **count}
-        case cls if is_settings_class(cls):
-            name = cls.__name__
-            if name not in classes:
-                classes[name] = {}  # a class may hold itself
-                classes[name] = class_schema(cls, classes)
-                if short is not None and short.plug_in is not None:
-                    del classes[name]["required"]  # the name of a plug-in alone is enough
-            schema = {"$ref": f"#/$defs/{name}"}
-        case type() as origin if kind.arguments and issubclass(origin, Mapping):
-            schema = {"type": "object", "additionalProperties": _schema(kind.items[1], classes)}
-        case cls if cls in (int, float) and Quantity in marks:
-            quantity = {"type": "string", "examples": [marks[Quantity].example]}
-            takes_zero = marks.get(Bounds, Bounds()).contain(0)
-            return {"anyOf": [quantity, {"const": 0}]} if takes_zero else quantity
-        case cls if cls in TYPES:
-            schema = {"type": TYPES[cls]}
-            if cls in (int, float):
-                schema |= marks.get(Bounds, Bounds()).schema()
-            elif cls is str:
-                if rule := marks.get(Matches):
-                    schema |= {"pattern": rule.pattern, "maxLength": rule.maximum}
-                schema |= {"minLength": 1} if NotEmpty in marks else {}
-            return schema
-    return {"anyOf": [*shorts, schema]} if shorts else schema

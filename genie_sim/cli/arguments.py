@@ -25,7 +25,7 @@ _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
 def _own_code(context: click.Context, _: object, value: bool) -> None:
     """Holds from here to the end of the command, whatever it does with the option."""
-    context.with_resource(plugins.own_code(value))
+    context.with_resource(plugins.own_code_allowed(value))
 
 
 class _Path(click.Path):
@@ -197,17 +197,16 @@ changed_option = click.option(  # of every command that reads result folders
 )
 
 
-def only(mode: str, *names: str) -> None:
-    """Raises ``UserError`` for an option of the running command that was given and is none of these
-    parameters: in this ``mode`` it would have no effect.
+def refuse(mode: str, *names: str) -> None:
+    """Raises ``UserError`` where one of these parameters of the running command was given: in this
+    ``mode`` it would have no effect.
     """
     context = click.get_current_context()
     for parameter in context.command.params:
         name = parameter.name or ""
         given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if given and name not in names:
-            option = parameter.opts[0] if isinstance(parameter, click.Option) else name.upper()
-            text = f"{option}: has no effect {mode}; see {context.command_path} --help"
+        if given and name in names:
+            text = f"{parameter.opts[0]}: has no effect {mode}; see {context.command_path} --help"
             raise UserError(f"{context.info_name}: {text}")
 
 

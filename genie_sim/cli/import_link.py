@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from genie_sim.cli.arguments import PATH, accept_option, only
+from genie_sim.cli.arguments import PATH, accept_option, refuse
 from genie_sim.cli.terminal import tell
 
 DIRECTED = ("mtu", "mahimahi")
@@ -47,7 +47,7 @@ def import_link(
     from genie_sim.links import recording
 
     if format not in DIRECTED:
-        only(f"with --format {format}", "file", "format", "out", "source", "licence", "accept")
+        refuse(f"with --format {format}", "direction")
     report = ImportReport(file, accept)
     columns = IMPORTERS[format](file, direction or "up", report)  # type: ignore[arg-type]
     recording.check(str(file), columns)

@@ -48,8 +48,7 @@ def import_tables(
     from genie_sim.base import units
 
     if truth is None:
-        of_all = ("poses", "detections", "out", "fov", "frame_size", "origin", "classes", "accept")
-        arguments.only("without --truth", *of_all)
+        arguments.refuse("without --truth", "range_")
     place = arguments.geodetic("--origin", origin)
     fov_rad = arguments.quantity("--fov", fov, units.ANGLE.read)
     if fov_rad > math.tau:

@@ -15,11 +15,7 @@ if TYPE_CHECKING:
     from genie_sim.data.detectors.detector import DetectorSettings
 
 DEFAULT_MIN_SCORE = 0.3
-OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
-OF_DRIVE = (
-    *(*OF_NETWORK, "drive", "accept", "out", "cameras"),
-    *("min_score", "origin", "allow_missing_scans", "encoding"),
-)
+OF_DRIVE = ("accept", "out", "cameras", "min_score", "origin", "allow_missing_scans", "encoding")
 
 
 @click.command()
@@ -78,11 +74,10 @@ def perceive(
     if (drive is None) == (check is None):
         raise UserError("perceive: give either --drive or --check")
     if check is not None:
-        arguments.only("with --check", *OF_NETWORK, "check")
+        arguments.refuse("with --check", *OF_DRIVE)
         settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
         _check(check, perception.kitti_folder(kitti), settings)
         return
-    arguments.only("with --drive", *OF_DRIVE)
     if out is None:
         raise UserError("perceive: say with --out which file to write")
     world = arguments.geodetic("--origin", origin)

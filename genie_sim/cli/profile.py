@@ -9,8 +9,6 @@ from genie_sim.cli import arguments, terminal
 from genie_sim.cli.arguments import COUNT, PATH
 from genie_sim.cli.terminal import ProgressBar
 
-OF_ALL = ("out", "cores", "model")
-
 
 @click.command()
 @click.option(
@@ -70,9 +68,9 @@ def profile(
             "elsewhere"
         )
     if csv is None:
-        arguments.only("with --detector", *OF_ALL, "detector", "weights", "runs")
+        arguments.refuse("with --detector", "column", "unit")
     else:
-        arguments.only("with --csv", *OF_ALL, "csv", "column", "unit")
+        arguments.refuse("with --csv", "weights", "runs")
     device_fit.PROFILE.check(out)  # before anything is measured
     report = ImportReport(csv or "profile")
     with ProgressBar(unit="pictures") as progress:

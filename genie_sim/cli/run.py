@@ -101,7 +101,7 @@ def run(
     loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
     registry.checked(rows or (), loaded.metrics)
     label = checked_label(label, "--label")
-    if own := loaded.own_code():
+    if own := loaded.own_classes():
         click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
     for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))

@@ -7,7 +7,7 @@ import click
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.paths import read_text
 from genie_sim.cli import completion
-from genie_sim.cli.arguments import only
+from genie_sim.cli.arguments import refuse
 
 
 @click.command()
@@ -34,7 +34,7 @@ def show(name: str, kind: str | None, schema: bool) -> None:
     genie-sim show --schema scenario > scenario.schema.json
     """
     if schema:
-        only("with --schema", "name", "schema")
+        refuse("with --schema", "kind")
     click.echo((_schema(name) if schema else read_text(_path(name, kind))).rstrip("\n"))
 
 

@@ -68,8 +68,7 @@ def sweep(
     genie-sim sweep fleet_30 --axis fleet.cars=10,20,40 --axis fleet.link=wifi,lte --seeds 3
     """
     if scheduler is not None:
-        of_all = ("what", "axes", "set_", "methods", "seeds", "out", "scheduler", "shard", "label")
-        arguments.only("with --scheduler", *of_all)
+        arguments.refuse("with --scheduler", "jobs")
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
     from genie_sim import api

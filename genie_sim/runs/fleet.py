@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import accumulate
 
-from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.errors import as_user_error
 from genie_sim.base.grid import Area, cell_counts
 from genie_sim.base.plugins import Choice
 from genie_sim.base.units import NS_PER_MS
@@ -115,21 +115,23 @@ def expanded(scenario: Scenario, fleet: Fleet, frames: Drives) -> tuple[Scenario
 
     Raises ``UserError`` for a source that is no map, and for a car that is nowhere.
     """
-    fields = f"{scenario.name}: fleet"
     if frames.extent_m is None:
-        raise UserError(f"{fields}: needs a town to drive in: 'perception: {{source: town}}'")
+        raise scenario.wrong("fleet", "needs a town to drive in: 'perception: {source: town}'")
     starts_ns = frames.starts_ns()
     if starts_ns is None:
-        starts_ns = _starts_ns(fields, fleet)
+        if fleet.cars is None:
+            raise scenario.wrong("fleet.cars", "missing")
+        starts_ns = {f"car{number}": 0 for number in range(1, fleet.cars + 1)}
     elif fleet.cars is not None:
         text = f"{scenario.perception.name} has {len(starts_ns):,} cars of its own: leave it out"
-        raise UserError(f"{fields}.cars: {text}")
+        raise scenario.wrong("fleet.cars", text)
     west_m, south_m, east_m, north_m = frames.extent_m
     if not (west_m < east_m and south_m < north_m):
-        raise UserError(f"{fields}: the map has no extent: {frames.extent_m} [m]")
+        raise scenario.wrong("fleet", f"the map has no extent: {frames.extent_m} [m]")
     cells = Cells(frames.extent_m, fleet.cell_m)
     if len(cells) > MAX_EDGES:
-        raise UserError(f"{fields}.cell: makes more than {MAX_EDGES:,} edges of this map")
+        text = f"makes more than {MAX_EDGES:,} edges of this map"
+        raise scenario.wrong("fleet.cell", text)
     names = [cells.name(cell) for cell in range(len(cells))]
     edges = tuple(
         Edge(
@@ -149,7 +151,8 @@ def expanded(scenario: Scenario, fleet: Fleet, frames: Drives) -> tuple[Scenario
         start_ns = scenario.start_ns(Car(name, device, route=route))
         drive = frames.drive(name, None, start_ns)
         if drive.position is None:
-            raise UserError(f"{fields}: the drive of {name} has no position at any time")
+            text = f"the drive of {name} has no position at any time"
+            raise scenario.wrong("fleet", text)
         drives[name] = drive
         with as_user_error(
             f"{scenario.name}: {name} is at no place of the map", ValueError, OverflowError
@@ -163,13 +166,6 @@ def expanded(scenario: Scenario, fleet: Fleet, frames: Drives) -> tuple[Scenario
         cars.append(Car(name, device, edge=names[first], link=fleet.link, route=route))
     whole = replace(scenario, cars=tuple(cars), edges=edges, faults=tuple(hand_overs))
     return whole, drives
-
-
-def _starts_ns(fields: str, fleet: Fleet) -> dict[str, int]:
-    """Of a fleet that its map knows nothing of: car1, car2, ..., all from the beginning on."""
-    if fleet.cars is None:
-        raise UserError(f"{fields}.cars: missing")
-    return {f"car{number}": 0 for number in range(1, fleet.cars + 1)}
 
 
 def _hand_over(car: str, edge: str, begin_ns: int, fleet: Fleet) -> FaultEntry:

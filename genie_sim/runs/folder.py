@@ -57,7 +57,7 @@ def run_to_folder(
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
     with provenance.result_folder(folder, SHOWN) as unfinished:
-        run = write(unfinished, prepared, run_id, progress=progress, label=label)
+        run = simulate_into(unfinished, prepared, run_id, progress=progress, label=label)
     output.write(run, folder)
     return replace(run, folder=folder)
 
@@ -79,7 +79,7 @@ def run_in_memory(
     return finished(prepared, run_id, tables, label)
 
 
-def write(
+def simulate_into(
     folder: Path,
     prepared: Prepared,
     run_id: str,
@@ -202,7 +202,9 @@ def rerun(
     with tempfile.TemporaryDirectory() as temporary:
         formats = _formats_in(folder / "figures")
         label = checked_label(made.get("label", ""), f"{where}: label")
-        run = write(Path(temporary), prepared, made["run_id"], progress=progress, label=label)
+        run = simulate_into(
+            Path(temporary), prepared, made["run_id"], progress=progress, label=label
+        )
         Output((folder / "report.html").is_file(), formats).write(run, Path(temporary))
         files = {
             path.relative_to(temporary).as_posix(): _compared(folder, Path(temporary), path)

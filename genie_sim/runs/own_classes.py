@@ -27,7 +27,7 @@ def own_code_named(scenario: Scenario) -> Iterator[None]:
     except (UserError, OSError, MemoryError):
         raise
     except Exception as error:
-        names = ", ".join(scenario.own_code())
+        names = ", ".join(scenario.own_classes())
         if not names:
             raise
         what = f"{type(error).__name__}: {first_line(error)}"
@@ -45,7 +45,7 @@ def check_base(own: Any, what: str, base: type[Any]) -> None:
         )
 
 
-class Origin(NamedTuple):
+class FramesOrigin(NamedTuple):
     """Where the frames of a source come from: ``Drives.digests`` and ``Drives.provenance``, once
     all drives are handed out.
     """
@@ -54,12 +54,12 @@ class Origin(NamedTuple):
     provenance: Mapping[str, Mapping[str, Any]]
 
 
-def origin_of(frames: Drives, source: str) -> Origin:
+def origin_of(frames: Drives, source: str) -> FramesOrigin:
     """Of an open source by its name, checked if it is the user's own. Raises ``UserError``."""
-    found = Origin(frames.digests(), frames.provenance())
+    found = FramesOrigin(frames.digests(), frames.provenance())
     owner = plugins.own_label("frame source", source)
     if owner is not None:
-        for name, told, kind in zip(Origin._fields, found, (str, Mapping), strict=True):
+        for name, told, kind in zip(FramesOrigin._fields, found, (str, Mapping), strict=True):
             holds = _is_json(told) and all(isinstance(item, kind) for item in told.values())
             what = "text" if kind is str else "a mapping that JSON can hold"
             require(holds, f"{owner}: {name}()", told, f"a mapping from name to {what}")

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.base import plugins
-from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.detectors import detector_laws
@@ -14,7 +13,7 @@ from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import expanded
-from genie_sim.runs.own_classes import Origin
+from genie_sim.runs.own_classes import FramesOrigin
 from genie_sim.scenario import checks
 from genie_sim.scenario.methods import features_of
 from genie_sim.scenario.profiles import DeviceProfile
@@ -56,7 +55,7 @@ class Prepared:
         Each car's drive, by the car's name.
     encoded : mapping
         What the drives are after their pictures were sent, by encoding and car.
-    origin : Origin
+    origin : FramesOrigin
         Where the frames come from.
     facts : mapping
         Everything that decides the outcome of a run, as plain data, with the scenario as it is
@@ -70,7 +69,7 @@ class Prepared:
     frames: Drives
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
-    origin: Origin
+    origin: FramesOrigin
     facts: Mapping[str, Any]
     laws: DetectorLaws
 
@@ -170,10 +169,11 @@ def _encoded_drives(scenario: Scenario, frames: Drives) -> dict[tuple[str, str],
             if car.edge is not None:
                 sent = frames.encoded(car.name, encoding)
                 if sent is None:
-                    raise UserError(
-                        f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
-                        "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
+                    text = (
+                        f"source {scenario.perception.name!r} has no pictures to encode: leave it "
+                        "'raw', and give 'cameras' a 'size'"
                     )
+                    raise scenario.wrong("image_encoding", text)
                 encoded[encoding, car.name] = sent
     return encoded
 
@@ -185,7 +185,7 @@ def facts(
     devices: Mapping[str, DeviceProfile],
     frames: Drives,
     encoded: Mapping[tuple[str, str], Any],
-    origin: Origin,
+    origin: FramesOrigin,
 ) -> dict[str, Any]:
     """Everything that decides the outcome of a run: the scenario as it is written, and what was
     found where it says.

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
@@ -163,10 +162,11 @@ def simulate_method(
 def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:
     """Raises ``UserError`` if the warm-up is longer than the run."""
     if scenario.warm_up_ns > last_frame_ns:
-        raise UserError(
-            f"{scenario.name}: warm_up: {duration_text(scenario.warm_up_ns)} leaves nothing to "
-            f"count: the last frame is taken at {last_frame_ns / NS_PER_S:.1f} s"
+        text = (
+            f"{duration_text(scenario.warm_up_ns)} leaves nothing to count: the last frame is "
+            f"taken at {last_frame_ns / NS_PER_S:.1f} s"
         )
+        raise scenario.wrong("warm_up", text)
 
 
 def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:

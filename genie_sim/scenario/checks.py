@@ -312,8 +312,7 @@ def check_own_plugins(scenario: Scenario) -> None:
             own_arguments(cls, choice)
         except SettingError as error:
             field = join(path, error.field)
-            where = scenario.read_from.of(field)
-            raise UserError(f"{where}: {field}: {error.message}") from error
+            raise scenario.wrong(field, error.message) from error
 
 
 def check_time_on_map(scenario: Scenario, duration_ns: int) -> None:
@@ -336,7 +335,7 @@ def check_time(scenario: Scenario, path: str, route: Route, recorded_ns: int) ->
     total_ns = late_ns + route.laps * (end_ns - begin_ns) + (route.laps - 1) * route.pause_ns
     if total_ns > MAX_DAYS * DAY_NS:
         text = f"ends after {total_ns / DAY_NS:,.1f} days; at most {MAX_DAYS} are simulated"
-        raise UserError(f"{scenario.name}: {path}: {text}")
+        raise scenario.wrong(path, text)
 
 
 def check_driven(
@@ -362,7 +361,7 @@ def check_driven(
     for index, car in enumerate(scenario.cars[:1] if scenario.fleet else scenario.cars):
         _check_route(scenario, index, car, drives[car.name])
     for path, text in _faults(scenario, own=True):
-        raise UserError(f"{scenario.name}: {path}: {text}")
+        raise scenario.wrong(path, text)
     for index, entry in enumerate(scenario.methods):
         name = features[entry.name]
         if name is None:
@@ -371,13 +370,12 @@ def check_driven(
             drive = drives[car.name]
             frame = drive.frames[scenario.cameras_of(car)[0].recording][0]
             if feature_of(frame, name) is None:
-                where = f"{scenario.name}: methods[{index}].feature"
                 known = ", ".join(getattr(frame, "features", {})) or "none"
-                raise UserError(
-                    f"{where}: the frames of {drive.name} have no feature {name!r}, but "
-                    f"{known}: {entry.name} cannot run on them; 'genie-sim perceive' makes "
-                    "features"
+                text = (
+                    f"the frames of {drive.name} have no feature {name!r}, but {known}: "
+                    f"{entry.name} cannot run on them; 'genie-sim perceive' makes features"
                 )
+                raise scenario.wrong(f"methods[{index}].feature", text)
 
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
@@ -385,30 +383,33 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     route, cameras = car.route, scenario.cameras_of(car)
     own = f"cars[{index}]." if isinstance(car.cameras, tuple) else ""
     for number, camera in enumerate(cameras):
-        where = f"{scenario.name}: {own}cameras[{number}]"
+        path = f"{own}cameras[{number}]"
         if camera.recording not in drive.frames:
             text = unknown("recording", camera.recording, drive.frames)
-            raise UserError(f"{where}.recording: {text} ({car.name} drives {drive.name})")
+            text = f"{text} ({car.name} drives {drive.name})"
+            raise scenario.wrong(f"{path}.recording", text)
         recorded = recorded_rate(drive.frames[camera.recording])
         if camera.rate is not None and camera.rate > recorded * (1 + SAME_RATE):
-            raise UserError(
-                f"{where}.rate: {frame_rate_text(camera.rate)} is more than was recorded: "
-                f"{recorded:.4g} Hz on {drive.name}"
+            text = (
+                f"{frame_rate_text(camera.rate)} is more than was recorded: {recorded:.4g} Hz on "
+                f"{drive.name}"
             )
+            raise scenario.wrong(f"{path}.rate", text)
     recordings = [drive.frames[camera.recording] for camera in cameras]
     recorded_ns = max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings)
     check_time(scenario, f"cars[{index}].route", route, recorded_ns)
     if route.window_ns is None:
         return
     begin_ns, end_ns = route.window_ns
-    where = f"{scenario.name}: cars[{index}].route.window"
+    path = f"cars[{index}].route.window"
     stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
     if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
         first_s, last_s = min(stamps_ns) / NS_PER_S, max(stamps_ns) / NS_PER_S
-        raise UserError(
-            f"{where}: no camera takes a frame in it; {drive.name} has frames from {first_s:g} s "
-            f"to {last_s:g} s"
+        text = (
+            f"no camera takes a frame in it; {drive.name} has frames from {first_s:g} s to "
+            f"{last_s:g} s"
         )
+        raise scenario.wrong(path, text)
     period_ns = max(
         (
             later.stamp_ns - frame.stamp_ns
@@ -419,6 +420,5 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     )
     if end_ns > max(stamps_ns) + max(period_ns, 1) and scenario.sequence is None:
         end_s, last_s = end_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
-        raise UserError(
-            f"{where}: ends at {end_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
-        )
+        text = f"ends at {end_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
+        raise scenario.wrong(path, text)

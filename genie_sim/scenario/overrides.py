@@ -9,6 +9,7 @@ from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import (
     REQUIRED,
     Kind,
+    Setting,
     SettingError,
     join,
     plain_default,
@@ -92,9 +93,8 @@ class _Change(NamedTuple):
             return mapping
         is_whole = is_whole and setting.default is not REQUIRED
         inner = mapping.get(step)
-        leads_on = isinstance(setting.default, Choice) or isinstance([*following, ""][0], int)
-        if inner is None and following and leads_on and is_whole and setting.default is not None:
-            inner = plain_default(setting)
+        if inner is None and is_whole:
+            inner = _default_to_enter(setting, following)
         mapping[step] = below.of(setting.kind, inner, join(path, step), is_whole=is_whole)
         return mapping
 
@@ -121,6 +121,19 @@ class _Change(NamedTuple):
                 of_entry, entries[place], f"{path}[{place}]", is_whole=is_whole
             )
         return entries
+
+
+def _default_to_enter(setting: Setting, following: Sequence[str | int]) -> Any:
+    """The default of a setting that is not written, where the rest of a path needs it.
+
+    In ``cameras[1].phase`` the path leads into one of four cameras, of which the others stay; in
+    ``genie.similarity.cell`` into the settings of a class, which must be named. None at the end of
+    a path (``record=[held]``), and for any other mapping (``genie.object_map.rate``), whose
+    defaults complete what is written.
+    """
+    is_entry = bool(following) and isinstance(following[0], int)
+    is_of_class = bool(following) and isinstance(setting.default, Choice)
+    return plain_default(setting) if is_entry or is_of_class else None
 
 
 def _entry(kind: Kind, place: int) -> Kind:

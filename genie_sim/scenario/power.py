@@ -20,8 +20,13 @@ class Watts(Sourced):
     """A power, and the range in which it may well be."""
 
     value_w: Annotated[float, Bounds(minimum=0, maximum=MAX_W)]
+    """What is taken."""
+
     low_w: Annotated[float, Bounds(minimum=0, maximum=MAX_W)]
+    """The least that it may be."""
+
     high_w: Annotated[float, Bounds(minimum=0, maximum=MAX_W)]
+    """The most that it may be."""
 
     def __post_init__(self) -> None:
         if not self.low_w <= self.value_w <= self.high_w:
@@ -30,13 +35,16 @@ class Watts(Sourced):
 
 @dataclass(frozen=True, kw_only=True)
 class DevicePower:
-    """What a computer takes: always (``idle``), and more while its accelerator works and for each
-    core that works.
-    """
+    """What a computer takes."""
 
     idle: Watts
+    """Always."""
+
     accelerator: Watts
+    """More, while its accelerator works."""
+
     core: Watts
+    """More, for each core that works."""
 
 
 class Range(NamedTuple):

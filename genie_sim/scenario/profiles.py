@@ -25,6 +25,7 @@ class Time(Sourced):
     """A time."""
 
     value_ns: int
+    """How long."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,7 @@ class PositiveTime(Sourced):
     """A time above zero."""
 
     value_ns: Annotated[int, Bounds(above=0)]
+    """How long."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,7 @@ class Cores(Sourced):
     """The number of a computer's cores."""
 
     value: Annotated[int, Bounds(minimum=1, maximum=1024)]
+    """How many."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,7 @@ class Factor(Sourced):
     """How many times as long something takes as where it was measured."""
 
     value: Annotated[float, Bounds(above=0, maximum=1000)]
+    """Times as long."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,16 +57,24 @@ class Spread(Sourced):
     """How much service times vary about their median."""
 
     loc: Share
+    """The share of the median that every one takes."""
+
     sigma: Annotated[float, Bounds(minimum=0, maximum=5)]
+    """By how much the logarithm of the rest varies."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spreads:
-    """The three conditions a device can be in: alone, as usual, with other work beside it."""
+    """The three conditions a device can be in."""
 
     isolated: Spread
+    """Alone."""
+
     default: Spread
+    """As usual."""
+
     loaded: Spread
+    """With other work beside it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +82,10 @@ class Hop:
     """Handing a message to another process on the same host."""
 
     small: Time
+    """Of any message, whatever its size."""
+
     per_megabyte: Time
+    """More, for each megabyte of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,29 +93,35 @@ class GenieTime:
     """Genie's own CPU time for one message."""
 
     median: PositiveTime
+    """Half of all messages take less."""
+
     spread: Spread
+    """How much they vary."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchTime(Sourced):
-    """What pictures gain from being detected at once: b of them take ``fixed + (1 - fixed) b``
-    times as long as one.
-    """
+    """What pictures gain from being detected at once."""
 
     fixed: Share
+    """Pictures at once, b of them, take `fixed + (1 - fixed) b` times as long as one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelTime(Sourced):
-    """The median time of one detection, or ``oom``: the model does not fit into the device's
-    memory. ``batch``: how much longer several pictures at once take. ``power``: what the
-    accelerator takes beside the idle device, where this model makes a difference.
-    """
+    """How long one detection takes, or that the model does not run: ``median`` or ``oom``."""
 
     median_ns: Annotated[int, Bounds(above=0)] | None = None
+    """The median time of one detection."""
+
     oom: bool = False
+    """The model does not fit into the device's memory."""
+
     batch: BatchTime = BatchTime(fixed=0.0, tag="A", source="assumed: batches gain nothing")
+    """How much longer several pictures at once take."""
+
     power: Watts | None = None
+    """What the accelerator takes beside the idle device, where this model makes a difference."""
 
     def __post_init__(self) -> None:
         if (self.median_ns is None) != self.oom:
@@ -109,12 +130,13 @@ class ModelTime(Sourced):
 
 @dataclass(frozen=True, kw_only=True)
 class KeyTime(Sourced):
-    """What a picture's key costs: CPU time (``median_ns``), or accelerator time as a share of one
-    detection's median.
-    """
+    """What a picture's key costs: ``median`` or ``of_detection``."""
 
     median_ns: Annotated[int, Bounds(above=0)] | None = None
+    """CPU time."""
+
     of_detection: Annotated[float, Bounds(above=0, maximum=1)] | None = None
+    """Accelerator time, as a share of one detection's median."""
 
     def __post_init__(self) -> None:
         if (self.median_ns is None) == (self.of_detection is None):
@@ -134,25 +156,39 @@ KEYS = {  # by the name of the feature; a profile may say otherwise
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceProfile:
-    """One computer: a car's or an edge's.
-
-    ``keys``: what similarity keys cost, by the name of the feature. ``codec``: how many times as
-    long as in ``sim/encoding.py`` it takes to encode and decode pictures. ``power``: what the
-    computer takes; without it, the energy of a run is not known.
-    """
+    """One computer: a car's or an edge's."""
 
     name: Name
+    """As scenarios call it."""
+
     title: str
+    """As people call it."""
+
     cores: Cores
+    """The processor's."""
+
     hop: Hop
+    """What a message between two of its processes takes."""
+
     genie_time: Annotated[GenieTime, Key("genie")]
+    """What Genie itself takes."""
+
     codec: Factor = Factor(
         value=1.0, tag="A", source="as fast as the processor that sim/encoding.py was measured on"
     )
+    """How many times as long as in `sim/encoding.py` it takes to encode and decode pictures."""
+
     spreads: Spreads
+    """How much service times vary, by the scenario's `spread`."""
+
     keys: Mapping[Name, KeyTime] = field(default_factory=lambda: KEYS)
+    """What similarity keys cost, by the name of the feature."""
+
     models: Mapping[Name, ModelTime]
+    """What detections take, by the name of the model."""
+
     power: DevicePower | None = None
+    """What the computer takes; without it, the energy of a run is not known."""
 
     def power_with(self, model: str) -> DevicePower | None:
         """What the computer takes with this model; ``None`` if nobody says."""

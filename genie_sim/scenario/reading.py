@@ -13,7 +13,7 @@ from genie_sim.base.settings import SettingError, from_plain
 from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.overrides import apply_overrides
-from genie_sim.scenario.scenario import Origin, Scenario
+from genie_sim.scenario.scenario import ReadFrom, Scenario
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.sim.method import METHODS
 
@@ -85,8 +85,8 @@ def read_scenario(
         settings, applied = apply_overrides(Scenario, data, overrides[:count], settings_from)
         if seed is not None:
             settings["seed"] = seed
-        origin = Origin(where, tuple(applied))
-        scenario = replace(from_plain(Scenario, settings), read_from=origin)
+        read_from = ReadFrom(where, tuple(applied))
+        scenario = replace(from_plain(Scenario, settings), read_from=read_from)
         if methods:
             scenario = _with_methods(scenario, methods, methods_from)
         return _checked(scenario)

@@ -65,8 +65,10 @@ USUAL_TRACE = Choice("recorded", {"trace": "kitti_0005"})
 USUAL_METHODS = tuple(from_plain(MethodEntry, name) for name in methods.DEFAULT_METHODS)
 
 
-class Origin(NamedTuple):
-    """Where the settings of a scenario come from."""
+class ReadFrom(NamedTuple):
+    """Where the settings of a scenario come from, for mistakes that show when files are open. (Of
+    others ``reading`` says which override makes them: one of another field, perhaps.)
+    """
 
     file: str = "scenario"
     overrides: tuple[Override, ...] = ()
@@ -146,8 +148,8 @@ class Scenario(MethodSettings):
     """Metrics of your own, beside all others: classes, each `package.module:Class`."""
 
     # What follows is no setting; it is filled in when the scenario is read and checked.
-    read_from: Origin = field(
-        default=Origin(), compare=False, repr=False, metadata={"setting": False}
+    read_from: ReadFrom = field(
+        default=ReadFrom(), compare=False, repr=False, metadata={"setting": False}
     )
     # of each device that is named here
     profiles: Mapping[str, DeviceProfile] = field(
@@ -200,6 +202,12 @@ class Scenario(MethodSettings):
         """
         return self.sequence is not None or (self.source is not None and self.source.is_one_world)
 
+    def wrong(self, path: str, text: str) -> UserError:
+        """That ``text`` is wrong with the setting at ``path``, where it only shows once files are
+        open: it begins with the override that set it, else the file.
+        """
+        return UserError(f"{self.read_from.of(path)}: {path}: {text}")
+
     def cameras_of(self, car: Car) -> Sequence[Camera]:
         """A car's own cameras, or the scenario's."""
         return car.streams(self.cameras)
@@ -243,7 +251,7 @@ class Scenario(MethodSettings):
             named.append(Chosen("perception.detector", DETECTOR, choice, name_alone=True))
         return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
 
-    def own_code(self) -> dict[str, tuple[str, str]]:
+    def own_classes(self) -> dict[str, tuple[str, str]]:
         """The kind and the name of each class of the user's own, by both in one text."""
         return {
             f"{mark.what} {choice.name}": (mark.what, choice.name)
@@ -254,7 +262,7 @@ class Scenario(MethodSettings):
         """sha256 of the module of each class of the user's own: its code decides the outcome."""
         return {
             title: plugins.code_digest(what, name)
-            for title, (what, name) in self.own_code().items()
+            for title, (what, name) in self.own_classes().items()
         }
 
     def link_digests(self) -> dict[str, str]:
@@ -268,7 +276,8 @@ class Scenario(MethodSettings):
         """The method of each entry, by its name, to ask what it is. Raises ``UserError``."""
         new = {}
         for index, entry in enumerate(self.methods):
-            with as_user_error(f"{self.name}: methods[{index}]", UserError):
+            path = f"methods[{index}]"
+            with as_user_error(f"{self.read_from.of(path)}: {path}", UserError):
                 new[entry.name] = entry.new()
         return new
 

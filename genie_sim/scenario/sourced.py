@@ -8,7 +8,10 @@ from genie_sim.base.settings import Text
 
 @dataclass(frozen=True, kw_only=True)
 class Sourced:
-    """What is told of every number: the kind of its source, and the source."""
+    """What is told of every number."""
 
     tag: Literal["P", "S", "M", "D", "A"]
+    """From the paper, a public source, measured, derived, or assumed."""
+
     source: Text
+    """Where it is from, and how it was derived."""

@@ -75,7 +75,7 @@ class PointRun:
             return measured(prepared)
         folder = self.results(study)
         with provenance.result_folder(folder, SHOWN) as partial:
-            run = run_folder.write(partial, prepared, self.run_id)
+            run = run_folder.simulate_into(partial, prepared, self.run_id)
         # a page that cannot be made is looked for once more when all runs are there
         with contextlib.suppress(provenance.NotDerivedError):
             self.output.write(run, folder)

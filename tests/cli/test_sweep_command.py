@@ -59,25 +59,24 @@ def test_a_sweep_file_takes_settings_too(capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "place"),
     [
-        (["--axis", "fleet.cars"], "--axis fleet.cars: must be path=A,B,... such as"),
-        (["--axis", "genie.eviction="], "--axis genie.eviction=: must be path=A,B,..."),
-        (["--axis", "seed=1,2"], "--axis seed=1,2: write --seeds 1,2"),
-        (["--axis", "genie.pases=1"], "genie-sim: axes: genie.pases=1: genie.pases: unknown"),
-        (["--axis", "cars[0].lnk=lte"], "cars[0].lnk: unknown field; did you mean 'link'?"),
-        (["--axis", "link=lte"], "link: unknown field; did you mean 'fleet.link' or"),
-        (["--axis", "cars[0].link=[lte"], "--axis cars[0].link=[lte: line 1: while parsing"),
-        (["--axis", "cars[0].link=lte,let"], "unknown link 'let' (did you mean 'lte'?); known: "),
-        (["--axis", "spread=a", "--axis", "spread=b"], "--axis spread=b: spread is varied already"),
-        ([], "street_1car_homo is a scenario: say what varies, such as --axis "),
-        (["--axis", "spread=isolated", "--out", ""], "--out: is empty"),
+        (["--axis", "fleet.cars"], "--axis fleet.cars: "),
+        (["--axis", "genie.eviction="], "--axis genie.eviction=: "),
+        (["--axis", "seed=1,2"], "--axis seed=1,2: "),
+        (["--axis", "genie.pases=1"], "genie.pases: unknown"),
+        (["--axis", "link=lte"], "did you mean 'fleet.link'"),
+        (["--axis", "cars[0].link=[lte"], "--axis cars[0].link=[lte: line 1: "),
+        (["--axis", "cars[0].link=lte,let"], "unknown link 'let'"),
+        (["--axis", "spread=a", "--axis", "spread=b"], "--axis spread=b: "),
+        ([], "say what varies"),
+        (["--axis", "spread=isolated", "--out", ""], "--out: "),
     ],
 )
-def test_an_axis_that_cannot_be_gets_one_line(arguments, message, capsys):
+def test_an_axis_that_cannot_be_gets_one_line(arguments, place, capsys):
     assert main(["sweep", "street_1car_homo", *arguments]) == 1
     said = capsys.readouterr().err
-    assert message in said and said.count("\n") == 1
+    assert place in said and said.count("\n") == 1
     assert not Path("results").exists()
 
 

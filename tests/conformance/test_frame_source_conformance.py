@@ -92,7 +92,7 @@ def test_cars_with_cameras_of_their_own():
 
 def test_a_recording_that_is_not_there_names_car_and_trace():
     own = [{"name": "roof", "recording": "up"}]
-    field = r"^small: cars\[1\]\.cameras\[0\]\.recording: "
+    field = r"^scenario: cars\[1\]\.cameras\[0\]\.recording: "
     with pytest.raises(
         UserError,
         match=field + r"unknown recording 'up'; known: left, right \(car2 drives street\)$",
@@ -104,7 +104,7 @@ def test_a_recording_that_is_not_there_names_car_and_trace():
     }
     with pytest.raises(
         UserError,
-        match=r"^small: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$",
+        match=r"^scenario: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$",
     ):
         prepare(small.scenario(**recorded))
 

@@ -77,25 +77,25 @@ def test_it_gives_what_the_raw_drive_gives(tmp_path, raw):
 
 
 @pytest.mark.parametrize(
-    ("drive", "camera", "broken", "message"),
+    ("drive", "camera", "broken", "place"),
     [
-        ("odometry/11", "02", None, "unknown sequence '11'.*known: 05"),
-        (DRIVE, "02", "dataset/poses/05.txt", "poses of sequences 00 to 10"),
+        ("odometry/11", "02", None, "known: 05"),
+        (DRIVE, "02", "dataset/poses/05.txt", "poses/05.txt: "),
         (DRIVE, "05", None, "unknown camera '05'"),
-        (DRIVE, "03", None, "image_3: no images"),
-        (DRIVE, "02", "dataset/sequences/05/velodyne/000001.bin", "missing"),
-        (DRIVE, "02", "dataset/sequences/05/times.txt", "times.txt: cannot"),
-        (DRIVE, "02", "dataset/sequences/05/calib.txt", "calib.txt: cannot"),
+        (DRIVE, "03", None, "image_3: "),
+        (DRIVE, "02", "dataset/sequences/05/velodyne/000001.bin", "000001.bin: missing"),
+        (DRIVE, "02", "dataset/sequences/05/times.txt", "times.txt: "),
+        (DRIVE, "02", "dataset/sequences/05/calib.txt", "calib.txt: "),
     ],
 )
-def test_what_is_missing_is_one_line(tmp_path, raw, drive, camera, broken, message):
+def test_what_is_missing_is_one_line(tmp_path, raw, drive, camera, broken, place):
     _, folder, weights = raw
     make_odometry(tmp_path, folder)
     if broken is not None:
         (tmp_path / broken).unlink()
-    with pytest.raises(UserError, match=message) as error:
+    with pytest.raises(UserError) as error:
         perceive(tmp_path, FrameSelection(drive, [camera]), DetectorSettings(weights=weights))
-    assert "\n" not in str(error.value)
+    assert place in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(

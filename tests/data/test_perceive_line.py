@@ -69,39 +69,28 @@ def test_origin_and_missing_scans(street, run_cli, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((), "say with --out"),
-        (("--out", "x.parquet", "--origin", "49.0,8.4"), "--origin: '49.0,8.4': expected latitude"),
-        (("--out", "x.parquet", "--size", "640:192"), "--size: '640:192'"),
-        (("--out", "x.parquet", "--providers", "TPU"), "unknown provider 'TPU'"),
-    ],
+    ("arguments", "place"), [((), "--out"), (("--out", "x.parquet", "--providers", "TPU"), "'TPU'")]
 )
-def test_mistakes_are_one_line(street, run_cli, arguments, message):
+def test_mistakes_are_one_line(street, run_cli, arguments, place):
     done = run_cli(*street, *arguments)
     assert done.returncode == 1
-    assert message in done.stderr
+    assert place in done.stderr
     assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("option", "message"),
+    ("option", "place"),
     [
-        ("--origin=91,1,2", "latitude 91.0 is not between -90 and 90 degrees"),
-        ("--origin=49,-180.5,2", "longitude -180.5 is not between -180 and 180 degrees"),
-        ("--origin=nan,1,2", "latitude nan is not between"),
-        ("--origin=49,8,inf", "altitude inf must be a number of metres"),
-        (
-            "--origin=49,8",
-            "'49,8': expected latitude, longitude and altitude, for example 49.01,8.42,112.8",
-        ),
-        ("--size=x", "--size: 'x': expected WIDTHxHEIGHT in pixels, for example 832x256"),
-        ("--size=640x192x3", "--size: '640x192x3': expected WIDTHxHEIGHT in pixels"),
-        ("--size=640x-32", "--size: '640x-32': expected WIDTHxHEIGHT in pixels"),
+        ("--origin=91,1,2", "latitude 91.0"),
+        ("--origin=49,-180.5,2", "longitude -180.5"),
+        ("--origin=49,8,inf", "altitude inf"),
+        ("--origin=49,8", "for example 49.01,8.42,112.8"),
+        ("--size=x", "--size: 'x': expected WIDTHxHEIGHT"),
+        ("--size=640x-32", "--size: '640x-32': "),
     ],
 )
-def test_a_value_that_cannot_be_gets_one_line(option, message, capsys):
+def test_a_value_that_cannot_be_gets_one_line(option, place, capsys):
     assert main(["perceive", "--drive", f"{DATE}/0005", "--out", "x.parquet", option]) == 1
     error = capsys.readouterr().err
-    assert message in error
+    assert place in error
     assert error.count("\n") == 1

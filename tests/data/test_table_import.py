@@ -199,53 +199,63 @@ def test_what_the_table_says_of_moving_and_visible_holds(tables):
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("table", "rows", "place"),
     [
-        ({"poses": POSES.replace("north_m", "north")}, "poses.csv: column 'north_m' is missing"),
-        ({"poses": POSES + "a,1700000000000,1,1,0\n"}, "time_s: .* milliseconds since 1970"),
-        ({"poses": POSES + "a,1000.3,1,1,1e308\n"}, "line 7: heading_deg: must be a number"),
-        ({"detections": DETECTIONS + "a,1000,car,1e300,1,1\n"}, "line 5: east_m: must be a"),
-        ({"poses": POSES + "a,1000.3,1,nan,0\n"}, "poses.csv: line 7: north_m: must be a number"),
-        ({"poses": POSES + "a,1000.3,1,,0\n"}, "poses.csv: line 7: north_m: is empty"),
-        ({"poses": POSES + "a,1000.3,1,5e7,0\n"}, "line 7: north_m: must be .* to 4e.07, not"),
-        ({"poses": POSES + "a,1000.3,1,1_0,0\n"}, "line 7: north_m: must be a number, not '1_0'"),
-        ({"poses": POSES + "a,1000.3,1\n"}, "poses.csv: line 7: has 3 values, the header 5"),
-        ({"poses": POSES + "a,1000.1,1,1,0\n"}, "line 7: time_s: 1000.1 must be at least a milli"),
-        ({"poses": POSES + "../a,1,1,1,0\n"}, "line 7: car: '../a' must be letters, digits"),
-        ({"poses": POSES + "edges,1,1,1,0\n"}, "line 7: car: 'edges' must be"),
-        ({"poses": POSES[:38]}, "poses.csv: has no poses"),
-        ({"poses": ""}, "poses.csv: is empty"),
-        (
-            {"poses": "car,car," + POSES[4:]},
-            "poses.csv: column 'car' could be each of 'car', 'car': keep one",
-        ),
-        ({"poses": POSES + 'a,"1000.3\n'}, "poses.csv: not a readable CSV file"),
-        ({"detections": DETECTIONS + "c,1000,car,1,1,1\n"}, "line 5: car: unknown car 'c'.* a, b"),
-        (
-            {"detections": DETECTIONS + "b,1000.27,car,1,1,1\n"},
-            "line 5: time_s: b has no pose at 1000.27; the nearest is at 1000.25",
-        ),
-        ({"detections": DETECTIONS + "a,1000,car,1,1,1.5\n"}, "line 5: score: .* from 0 to 1"),
-        ({"detections": DETECTIONS + "a,1000, ,1,1,1\n"}, "line 5: label: is empty"),
-        ({"truth": TRUTH + "1002,o,tram,1,1\n"}, "truth.csv: line 6: label: unknown class 'tram'"),
-        ({"truth": TRUTH + "1001,bus 7,bus,1,1\n"}, "line 6: time_s: 1001 must be at least"),
-        ({"truth": TRUTH + "1002,bus 7,person,1,1\n"}, "label: object 'bus 7' was a car, not a p"),
-        ({"truth": TRUTH_HEADER + "998.9,o,car,1,1\n"}, "no row within 1 s of a's pose at 1000"),
-        ({"truth": TRUTH_HEADER}, "truth.csv: has no objects"),
-        (
-            {"truth": "car,moving," + TRUTH_HEADER + "a,yes,1000,o,car,1,1\n"},
-            "truth.csv: line 2: moving: must be true or false, not 'yes'",
-        ),
-        (
-            {"truth": "car," + TRUTH_HEADER + "a,1000,o,car,1,1\n,1000,p,car,1,1\n"},
-            "truth.csv: line 3: car: must be given in every row or in none",
-        ),
+        ("poses", "a,1700000000000,1,1,0", "line 7: time_s"),
+        ("poses", "a,1000.3,1,1,1e308", "line 7: heading_deg"),
+        ("poses", "a,1000.3,1,nan,0", "line 7: north_m"),
+        ("poses", "a,1000.3,1,,0", "line 7: north_m"),
+        ("poses", "a,1000.3,1,5e7,0", "line 7: north_m"),
+        ("poses", "a,1000.3,1", "line 7"),
+        ("poses", "a,1000.1,1,1,0", "line 7: time_s"),
+        ("poses", "../a,1,1,1,0", "line 7: car"),
+        ("poses", "edges,1,1,1,0", "line 7: car"),
+        ("poses", 'a,"1000.3', "not a readable CSV file"),
+        ("detections", "a,1000,car,1e300,1,1", "line 5: east_m"),
+        ("detections", "c,1000,car,1,1,1", "line 5: car: unknown"),
+        ("detections", "b,1000.27,car,1,1,1", "line 5: time_s"),
+        ("detections", "a,1000,car,1,1,1.5", "line 5: score"),
+        ("detections", "a,1000, ,1,1,1", "line 5: label"),
+        ("truth", "1002,o,tram,1,1", "line 6: label: unknown"),
+        ("truth", "1001,bus 7,bus,1,1", "line 6: time_s"),
+        ("truth", "1002,bus 7,person,1,1", "line 6: label"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(tables, tmp_path, changes, message):
-    with pytest.raises(UserError, match=message) as error:
+def test_a_wrong_row_is_named_by_line_and_column(tables, tmp_path, table, rows, place):
+    texts = {"poses": POSES, "detections": DETECTIONS, "truth": TRUTH}
+    refused(tables, tmp_path / f"{table}.csv", place, {table: f"{texts[table]}{rows}\n"})
+
+
+@pytest.mark.parametrize(
+    ("table", "text", "place"),
+    [
+        ("poses", POSES.replace("north_m", "north"), "column 'north_m'"),
+        ("poses", POSES[:38], "has no poses"),
+        ("poses", "", "is empty"),
+        ("poses", f"car,{POSES}", "column 'car'"),
+        ("truth", TRUTH_HEADER, "has no objects"),
+        ("truth", f"{TRUTH_HEADER}998.9,o,car,1,1\n", "time_s: no row"),
+        ("truth", f"car,moving,{TRUTH_HEADER}a,yes,1000,o,car,1,1\n", "line 2: moving"),
+        ("truth", f"car,{TRUTH_HEADER}a,1000,o,car,1,1\n,1000,p,car,1,1\n", "line 3: car"),
+    ],
+)
+def test_a_wrong_table_is_named_by_its_column(tables, tmp_path, table, text, place):
+    refused(tables, tmp_path / f"{table}.csv", place, {table: text})
+
+
+def refused(tables, path, place, changes):
+    """The tables are refused in one line, of this file and place."""
+    with pytest.raises(UserError) as error:
         tables(**changes)
-    assert str(error.value).startswith(f"{tmp_path}/") and "\n" not in str(error.value)
+    assert str(error.value).startswith(f"{path}: {place}") and "\n" not in str(error.value)
+
+
+def test_whole_lines(tables, tmp_path):
+    with pytest.raises(UserError) as error:
+        tables(POSES + "a,1000.3,1,1_0,0\n")
+    assert str(error.value) == (
+        f"{tmp_path}/poses.csv: line 7: north_m: must be a number, not '1_0'"
+    )
 
 
 def test_files_that_are_none_are_refused(tmp_path):

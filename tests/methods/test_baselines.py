@@ -44,7 +44,7 @@ def test_what_only_a_run_can_refuse_names_its_field(settings: dict, field: str):
 def test_frames_without_the_feature_are_named(method: str):
     said = wrong({"name": "mine", "method": method, "feature": "yolox_gap"})
     assert said.startswith(
-        "small: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv"
+        "scenario: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv"
     )
     assert "mine cannot run on them" in said
 

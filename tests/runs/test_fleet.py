@@ -360,7 +360,9 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
 
 
 def test_a_camera_that_no_car_in_town_has_is_told():
-    with pytest.raises(UserError, match=r"small: cameras\[0\].recording: unknown recording '04'"):
+    with pytest.raises(
+        UserError, match=r"scenario: cameras\[0\].recording: unknown recording '04'"
+    ):
         prepare(small(cameras=[{"name": "camera_04", "recording": "04"}]))
 
 

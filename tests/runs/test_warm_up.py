@@ -114,7 +114,7 @@ def test_a_warm_up_longer_than_the_run_is_one_clear_line():
     with pytest.raises(UserError) as error:
         run("1 min")
     assert str(error.value) == (
-        "street_2car_hetero: warm_up: 60 s leaves nothing to count: the last frame is taken at"
+        "--set warm_up=1 min: warm_up: 60 s leaves nothing to count: the last frame is taken at"
         " 3.2 s"
     )
 

@@ -14,13 +14,14 @@ import pytest
 
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.plugins import resolve
-from genie_sim.base.settings import class_schema, keys_of
+from genie_sim.base.settings import keys_of
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.rules import LITERAL
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
 from genie_sim.links.presets import LINKS
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS, parts
+from genie_sim.scenario.schema import class_schema
 from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.link_model import LINK_MODELS
 from genie_sim.sim.method import METHODS

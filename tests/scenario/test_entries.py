@@ -17,7 +17,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
-from tests.sim.street import drive, street
+from tests.make import drive, street
 
 CARS: dict[str, Any] = {
     "name": "x",
@@ -135,7 +135,7 @@ def test_hand_overs_may_be_written_in_any_order() -> None:
 
 def test_a_recording_that_a_car_s_own_camera_names_must_be_there() -> None:
     with pytest.raises(
-        UserError, match=r"^x: cars\[0\].cameras\[0\].recording: unknown recording '09'"
+        UserError, match=r"^scenario: cars\[0\].cameras\[0\].recording: unknown recording '09'"
     ):
         drive(with_cameras([{**FRONT, "recording": "09"}]), street(seconds=1.0))
 
@@ -155,7 +155,7 @@ def test_pictures_are_encoded_where_there_are_such_pictures():
     town = scenario(perception={"source": "town", "duration": "1 s"}, image_encoding="jpeg80")
     with pytest.raises(
         UserError,
-        match=r"^x: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
+        match=r"^scenario: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
     ):
         prepare(town)
 

@@ -55,16 +55,6 @@ def test_an_editor_marks_misspelt_and_misplaced_settings():
     )
 
 
-def test_defaults_are_shown_as_they_are_written_in_yaml():
-    genie = json_schema("scenario")["$defs"]["GenieRules"]["properties"]
-    assert genie["request_expiry"]["default"] == "2 s"
-    assert genie["view_range"]["default"] == "50 m"
-    settings = json_schema("scenario")["properties"]
-    assert settings["methods"]["default"] == ["local", "remote", "genie"]
-    assert settings["edge_network"]["default"] == "ethernet_1g"
-    assert settings["perception"]["default"] == {"source": "recorded", "trace": "kitti_0005"}
-
-
 def test_an_editor_knows_the_settings_of_each_plug_in():
     car = {"name": "car1", "device": "jetson_tx2"}
     town = {"source": "town", "duration": "6 s", "town": {"blocks": [3, 2]}}

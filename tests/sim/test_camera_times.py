@@ -71,7 +71,7 @@ def test_the_mean_rate_is_kept_over_jitter_and_gaps_are_not_made_up_for():
 
 
 def test_more_pictures_than_were_recorded_are_refused():
-    message = r"small: cameras\[0\].rate: 12 Hz is more than was recorded: 10 Hz on "
+    message = r"scenario: cameras\[0\].rate: 12 Hz is more than was recorded: 10 Hz on "
     with pytest.raises(UserError, match=message):
         stamps("12 Hz")
     with pytest.raises(UserError, match=r"cameras\[0\].rate: must be more than zero"):

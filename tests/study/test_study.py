@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -45,7 +44,7 @@ from genie_sim.study.study import Study, check_folder
 from genie_sim.study.work import Parts, PointRun, Workers
 from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY
-from tests.made_up_run import METHODS
+from tests.make import METHODS
 
 
 @pytest.fixture(autouse=True)
@@ -199,134 +198,45 @@ def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
 
 
 RATES = "genie.object_map.rate, list: [0.1, 0.5]"
-MISTAKES = {
-    "an unknown field": ("seeds:", "sedes:", "s.yaml: sedes: unknown field; did you mean 'seeds'?"),
-    "an axis without a way": (
-        "list: [0.1, 0.5]",
-        "",
-        "s.yaml: axes.rate: must have exactly one of grid, list, latin",
-    ),
-    "two ways": (
-        "list: [0.1, 0.5]",
-        "list: [1], latin_hypercube: {from: 0, to: 1}",
-        "has list and latin",
-    ),
-    "no setting": (
-        "set: genie.object_map.rate, ",
-        "",
-        "s.yaml: axes.rate.set: missing; say which setting is varied",
-    ),
-    "an unknown setting": (
-        "object_map.rate",
-        "object_map.rat",
-        "s.yaml: genie.object_map.rat=0.1: ",
-    ),
-    "a value out of range": ("[0.1, 0.5]", "[0.1, 5]", "s.yaml: genie.object_map.rate=5: genie."),
-    "a value twice": (
-        "[0.1, 0.5]",
-        "[0.1, 0.1]",
-        "s.yaml: axes.rate.list: the value 0.1 comes twice",
-    ),
-    "an empty list": ("[0.1, 0.5]", "[]", "s.yaml: axes.rate.list: must not be empty"),
-    "units that differ": (
-        "to: 3 m",
-        "to: 3 s",
-        "s.yaml: axes.gate.grid.to: must have the unit of 'from', m, not s",
-    ),
-    "a span the wrong way": (
-        "to: 3 m",
-        "to: 1 m",
-        "s.yaml: axes.gate.grid.to: must be more than 'from'",
-    ),
-    "a logarithm of zero": (
-        "{from: 1 m,",
-        "{scale: log, from: 0 m,",
-        "s.yaml: axes.gate.grid.from: must be more than",
-    ),
-    "no number": (
-        "from: 1 m",
-        "from: near",
-        "s.yaml: axes.gate.grid.from: must be a number, or one with a unit",
-    ),
-    "one point": (
-        "points: 2",
-        "points: 1",
-        "s.yaml: axes.gate.grid.points: must be from 2 to 1,000,000, not 1",
-    ),
-    "a number in quotes": (
-        "points: 2",
-        "points: '2'",
-        "s.yaml: axes.gate.grid.points: must be a whole number",
-    ),
-    "no seeds": (
-        "seeds: 3",
-        "seeds: 0",
-        "s.yaml: seeds: must be a list, or how many: 1 to 1,000,000, not 0",
-    ),
-    "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
-    "samples of nothing": (
-        "seeds: 3",
-        "samples: 3",
-        "s.yaml: samples: has no effect without an axis",
-    ),
-    "no samples": (
+MISTAKES = [
+    ("seeds:", "sedes:", "s.yaml: sedes: unknown field; did you mean 'seeds'?"),
+    ("list: [0.1, 0.5]", "", "s.yaml: axes.rate: "),
+    ("list: [0.1, 0.5]", "list: [1], latin_hypercube: {from: 0, to: 1}", "s.yaml: axes.rate: "),
+    ("set: genie.object_map.rate, ", "", "s.yaml: axes.rate.set: missing"),
+    ("object_map.rate", "object_map.rat", "s.yaml: genie.object_map.rat=0.1: "),
+    ("[0.1, 0.5]", "[0.1, 5]", "s.yaml: genie.object_map.rate=5: genie."),
+    ("[0.1, 0.5]", "[0.1, 0.1]", "s.yaml: axes.rate.list: "),
+    ("[0.1, 0.5]", "[]", "s.yaml: axes.rate.list: "),
+    ("to: 3 m", "to: 3 s", "s.yaml: axes.gate.grid.to: "),
+    ("to: 3 m", "to: 1 m", "s.yaml: axes.gate.grid.to: "),
+    ("{from: 1 m,", "{scale: log, from: 0 m,", "s.yaml: axes.gate.grid.from: "),
+    ("from: 1 m", "from: near", "s.yaml: axes.gate.grid.from: "),
+    ("points: 2", "points: 1", "s.yaml: axes.gate.grid.points: "),
+    ("points: 2", "points: '2'", "s.yaml: axes.gate.grid.points: "),
+    ("seeds: 3", "seeds: 0", "s.yaml: seeds: "),
+    ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: "),
+    ("seeds: 3", "samples: 3", "s.yaml: samples: "),
+    (
         "list: [0.1, 0.5]",
         "latin_hypercube: {from: 0, to: 1}",
         "s.yaml: samples: missing; axis 'rate' needs",
     ),
-    "one setting in two axes": (
-        "gate, genie.view_range]",
-        "rate]",
-        "would undo genie.object_map.rate, set by",
-    ),
-    "seeds by an axis": (
-        "set: genie.object_map.rate",
-        "set: seed",
-        "s.yaml: seeds: say which seeds are run; axis",
-    ),
-    "a column of the table": (
-        "rate: {",
-        "metric: {",
-        "s.yaml: axes.metric: is a column of the table already",
-    ),
-    "too many runs": (
-        "seeds: 3",
-        "seeds: 1000000",
-        "s.yaml: axes: make 4,000,000 runs; at most 1,000,000",
-    ),
-    "an unknown scenario": (
-        "street_1car_homo",
-        "1car_hom",
-        "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)",
-    ),
-    "no code of that name": (
-        RATES,
-        "genie.similarity, list: ['json:no']",
-        "s.yaml: similarity 'json:no'",
-    ),
-    "a setting that a scenario lacks": (
-        RATES,
-        "scenario, list: [fleet_30]",
-        "s.yaml: fleet_30: cars[0]",
-    ),
-    "a route past the end": (
-        "[0 s, 1 s]",
-        "[90 s, 91 s]",
-        "cars[0].route.window: no camera takes a frame in it",
-    ),
-}
+    ("gate, genie.view_range]", "rate]", "would undo genie.object_map.rate"),
+    ("set: genie.object_map.rate", "set: seed", "s.yaml: seeds: "),
+    ("rate: {", "metric: {", "s.yaml: axes.metric: "),
+    pytest.param("seeds: 3", "seeds: 1000000", "s.yaml: axes: ", marks=pytest.mark.slow),
+    ("street_1car_homo", "1car_hom", "s.yaml: unknown scenario '1car_hom' (did you mean"),
+    (RATES, "genie.similarity, list: ['json:no']", "s.yaml: similarity 'json:no'"),
+    (RATES, "scenario, list: [fleet_30]", "s.yaml: fleet_30: cars[0]"),
+    ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: "),
+]
 
 
-def named(mistake: str) -> Any:
-    return pytest.param(mistake, marks=pytest.mark.slow if mistake == "too many runs" else ())
-
-
-@pytest.mark.parametrize("mistake", [named(mistake) for mistake in MISTAKES])
-def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(mistake, capsys):
-    right, wrong, message = MISTAKES[mistake]
+@pytest.mark.parametrize(("right", "wrong", "place"), MISTAKES)
+def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(right, wrong, place, capsys):
     assert right in SMALL
     assert main(["sweep", write(SMALL.replace(right, wrong, 1))]) == 1
-    one_line(capsys, message)
+    one_line(capsys, place)
     assert not Path("results").exists(), "nothing is run before all points are checked"
 
 

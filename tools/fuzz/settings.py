@@ -280,8 +280,8 @@ def result_folders(folder: Path) -> Case:
         what = rng.randrange(4)
         if what == 0:
             with (
-                plugins.own_code(False),
-                mock.patch("genie_sim.runs.folder.write", side_effect=UserError("stopped")),
+                plugins.own_code_allowed(False),
+                mock.patch("genie_sim.runs.folder.simulate_into", side_effect=UserError("stopped")),
             ):
                 rerun(run, allow_changed=True)
         elif what == 1:
