@@ -55,7 +55,7 @@ from genie_sim.worlds.traffic.source import RecordedTraffic
 from tests.conformance import own, small
 from tests.conformance.wrong_types import HOOKS
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH
-from tests.data.traces import KARLSRUHE, frame
+from tests.make import KARLSRUHE, trace_frame
 from tests.worlds.traffic.fcd_files import fcd_text
 from tools.fuzz.mutation import VALUES
 from tools.fuzz.settings import LONG_NS, TINY
@@ -116,7 +116,7 @@ def with_other_fields(draw: st.DrawFn, row: Any) -> Any:
 @st.composite
 def traces(draw: st.DrawFn) -> Trace:
     """A trace of which a frame and a detection have other values."""
-    rows = [frame("02", index) for index in range(4)]
+    rows = [trace_frame("02", index) for index in range(4)]
     place = draw(st.integers(0, 3))
     seen = rows[place]
     if draw(st.booleans()) and seen.detections:
@@ -150,7 +150,7 @@ def test_a_trace_with_a_right_digest_and_other_values(tmp_path: Path, wrong: Tra
 @given(data=st.data())
 def test_a_truth_table_with_a_right_digest_and_other_values(tmp_path: Path, data: st.DataObject):
     path = tmp_path / "drive.parquet"
-    whole = Trace("drive", KARLSRUHE, {"02": tuple(frame("02", i) for i in range(4))}, {})
+    whole = Trace("drive", KARLSRUHE, {"02": tuple(trace_frame("02", i) for i in range(4))}, {})
     write_trace(path, whole)
     rows = [
         TruthRow("02", i, 103_380_000 * i, 7, "car", False, True, 5.0 + i, 17.5, -0.5)

@@ -15,16 +15,13 @@ Four functions go through the types that a setting may have, and a new one needs
 every type through all four.
 """
 
-import ast
 import dataclasses
 import difflib
 import functools
 import importlib
 import inspect
-import itertools
 import math
 import re
-import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType, NoneType, UnionType
 from typing import (
@@ -39,7 +36,6 @@ from typing import (
 )
 
 from genie_sim.base import plugins, units
-from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.plugins import Choice, Parameter
 from genie_sim.base.units import Quantity
@@ -313,31 +309,6 @@ def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
 def is_settings_class(kind: Any) -> bool:
     """Whether a type is a settings class, which a plug-in by name is not."""
     return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
-
-
-@functools.cache
-def descriptions(cls: type) -> dict[str, str]:
-    """What each setting of a class means, by its name in Python: the text below a field of a
-    dataclass, or the entry of an argument in the section ``Parameters`` of any other class.
-    """
-    if not is_settings_class(cls):
-        _, _, section = (docstring(cls) or inspect.getdoc(cls) or "").partition(
-            "Parameters\n----------\n"
-        )
-        section, _, _ = section.partition("\n\n")
-        found = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", section, re.MULTILINE)
-        return {name: " ".join(text.split()) for name, text in found}
-    texts: dict[str, str] = {}
-    for owner in filter(dataclasses.is_dataclass, reversed(cls.__mro__)):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        for field, below in itertools.pairwise(tree.body):  # type: ignore[attr-defined]
-            match field, below:
-                case (
-                    ast.AnnAssign(target=ast.Name(id=name)),
-                    ast.Expr(value=ast.Constant(value=str(text))),
-                ):
-                    texts[name] = " ".join(text.split())
-    return texts
 
 
 # --- reading

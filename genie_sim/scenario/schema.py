@@ -2,7 +2,13 @@
 mistakes.
 """
 
+import ast
 import dataclasses
+import functools
+import inspect
+import itertools
+import re
+import textwrap
 from collections.abc import Callable, Mapping
 from types import NoneType, UnionType
 from typing import Any, Literal, Union
@@ -17,7 +23,6 @@ from genie_sim.base.settings import (
     NotEmpty,
     PlugIn,
     Short,
-    descriptions,
     is_settings_class,
     mark_in,
     plain_default,
@@ -74,6 +79,31 @@ def class_schema(cls: Callable[..., Any], classes: dict[str, Schema]) -> Schema:
     }
     required = [setting.key for setting in settings_of(cls) if setting.default is REQUIRED]
     return {**mapping, "required": required} if required else mapping
+
+
+@functools.cache
+def descriptions(cls: type) -> dict[str, str]:
+    """What each setting of a class means, by its name in Python: the text below a field of a
+    dataclass, or the entry of an argument in the section ``Parameters`` of any other class.
+    """
+    if not is_settings_class(cls):
+        _, _, section = (docstring(cls) or inspect.getdoc(cls) or "").partition(
+            "Parameters\n----------\n"
+        )
+        section, _, _ = section.partition("\n\n")
+        found = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", section, re.MULTILINE)
+        return {name: " ".join(text.split()) for name, text in found}
+    texts: dict[str, str] = {}
+    for owner in filter(dataclasses.is_dataclass, reversed(cls.__mro__)):
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        for field, below in itertools.pairwise(tree.body):  # type: ignore[attr-defined]
+            match field, below:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    texts[name] = " ".join(text.split())
+    return texts
 
 
 def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:

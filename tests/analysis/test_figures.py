@@ -5,7 +5,7 @@ byte.
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,33 +17,20 @@ from genie_sim.analysis import figures, metrics, style
 from genie_sim.analysis.breakdown import parts_of, time_parts
 from genie_sim.cli.main import main
 from genie_sim.record.columns import Columns
-from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
-from genie_sim.record.results import MethodInfo, MetricValue, Run
+from genie_sim.record.records import LOOKUPS, new_tables
+from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
 from genie_sim.sim.method import METHODS as METHOD_CLASSES
-from tests import made_up_run
+from tests import make
 from tests.drawn_text import faults
-from tests.made_up_run import METHODS
+from tests.make import METHODS
 
 FOOTER = "street_3car_hetero, run 0123456789ab, seed 1"
 
 
 @pytest.fixture(scope="module")
-def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    made = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
-    frames, lookups, resources = (table.to_frame() for table in made)
-    return frames, lookups, resources
-
-
-def run_of(frames, lookups, resources, methods=METHODS) -> Run:
-    facts = {
-        "scenario": {"name": "street_3car_hetero", "seed": 1},
-        "methods": [asdict(method) for method in methods],
-    }
-    named = {"frames": frames, "lookups": lookups, "resources": resources}
-    tables = {name: Columns.of(table) for name, table in named.items()}
-    measured = [one for one in metrics.compute(methods, tables) if one.metric == "utilization"]
-    return Run("0123456789ab", facts, "", tables, measured)
+def tables() -> dict[str, pd.DataFrame]:
+    return make.tables()
 
 
 def words(path: Path) -> str:
@@ -84,7 +71,7 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
             "Genie (DG)",
         ],
     }
-    run_id, drawn = "0123456789ab", figures.of_run(run_of(*tables))
+    run_id, drawn = "0123456789ab", figures.of_run(make.run_of(tables=tables))
     assert set(drawn) == set(expected)
     for name, figure in drawn.items():
         svg, png = figures.save(figure, tmp_path, name)
@@ -104,7 +91,7 @@ def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables
     for folder, font_size in zip(folders, (10, 33), strict=True):
         folder.mkdir()
         with mpl.rc_context({"font.size": font_size, "axes.grid": False, "svg.hashsalt": None}):
-            for name, figure in figures.of_run(run_of(*tables)).items():
+            for name, figure in figures.of_run(make.run_of(tables=tables)).items():
                 figures.save(figure, folder, name)
     for path in sorted(folders[0].iterdir()):
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
@@ -113,11 +100,11 @@ def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables
 @pytest.mark.slow
 def test_figures_fit_a_column_and_their_text_is_legible(tables):
     """At most 3.2 inches high there, also with as many devices as are ever shown."""
-    one = run_of(*tables)
+    one = make.run_of(tables=tables)
     drawn = figures.of_run(one, style.COLUMN_IN)
     many = [MethodInfo(f"m{place}", f"cache {place}", baseline=False) for place in range(8)]
-    frames = pd.concat([tables[0].assign(method=method.name) for method in many])
-    loaded = run_of(*tables[:2], made_up_run.resources(6, 10).to_frame())
+    frames = pd.concat([tables["frames"].assign(method=method.name) for method in many])
+    loaded = make.run_of(tables=tables | {"resources": make.resources(6, 10).to_frame()})
     drawn["many devices"] = figures.makers(loaded, style.COLUMN_IN)["resources"]()
     drawn["many methods"] = figures.latency_cdf([Columns.of(frames)], many, FOOTER, style.COLUMN_IN)
     for name, figure in drawn.items():
@@ -132,7 +119,9 @@ def test_curves_of_several_runs_in_one_panel_differ_in_line_and_marker(tables):
     methods = [MethodInfo(name, name, baseline=False) for name in names]
     frames = pd.concat(
         [
-            tables[0][tables[0]["method"] == name.partition(": ")[2]].assign(method=name)
+            tables["frames"][tables["frames"]["method"] == name.partition(": ")[2]].assign(
+                method=name
+            )
             for name in names
         ]
     )
@@ -169,7 +158,7 @@ def test_a_method_looks_the_same_whatever_ran_beside_it():
 
 
 def test_equal_curves_are_told_apart_and_a_legend_takes_a_fifth_at_most(tables):
-    frames = tables[0]
+    frames = tables["frames"]
     genie = frames[frames["method"] == "genie"]
     methods = [MethodInfo(f"genie{place}", f"cache {place}", baseline=False) for place in range(9)]
     same = pd.concat([genie.assign(method=method.name) for method in methods], ignore_index=True)
@@ -192,13 +181,14 @@ def test_a_placement_is_never_in_a_method_s_colour():
 @pytest.mark.slow
 def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_path):
     """Two of them run Genies: bars, boosts and the legends tell whose they are."""
-    frames, lookups, resources = tables
+    frames, lookups = tables["frames"], tables["lookups"]
     methods = [
         MethodInfo(name, name.title(), baseline=False) for name in ("swift", "genie", "remote")
     ]
     both = pd.concat([lookups, lookups.assign(method="swift")], ignore_index=True)
     swift = frames[frames["method"] == "genie"].assign(method="swift")
-    drawn = figures.of_run(run_of(pd.concat([swift, frames]), both, resources, methods))
+    changed = {"frames": pd.concat([swift, frames]), "lookups": both}
+    drawn = figures.of_run(make.run_of(None, methods, tables | changed))
     told = {name: words(figures.save(figure, tmp_path, name)[0]) for name, figure in drawn.items()}
     assert "Swift" in told["latency_cdf"] and "fresh results" in told["latency_cdf"]
     assert "local" not in told["latency_cdf"].lower()
@@ -216,10 +206,8 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
 
 
 def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
-    frames = tables[0]
-    measured = metrics.compute(
-        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
-    )
+    frames = tables["frames"]
+    measured = metrics.compute(METHODS, tables)
     answered = {one.method: one.value for one in measured if one.metric == "answered_share"}
     published = curves(figures.latency_cdf([Columns.of(frames)], METHODS, FOOTER))
     for method in METHODS:
@@ -228,21 +216,17 @@ def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
 
 
 def test_the_curve_passes_the_median_at_one_half(tables):
-    frames = tables[0][tables[0]["first_answer_ns"].notna()]
+    frames = tables["frames"][tables["frames"]["first_answer_ns"].notna()]
     genie = curves(figures.latency_cdf([Columns.of(frames)], METHODS, FOOTER))["Genie (DG)"]
     median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
-    found = metrics.compute(
-        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
-    )
+    found = metrics.compute(METHODS, tables)
     (expected,) = [m.value for m in found if (m.metric, m.method) == ("first_answer_p50", "genie")]
     assert median == pytest.approx(expected, rel=0.02)
 
 
 def test_bars_are_the_metrics_and_error_bars_their_ranges(tables):
-    figure = figures.image_reuse([Columns.of(tables[1])], METHODS, FOOTER)
-    found = metrics.compute(
-        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
-    )
+    figure = figures.image_reuse([Columns.of(tables["lookups"])], METHODS, FOOTER)
+    found = metrics.compute(METHODS, tables)
     reuse = {metric.placement: metric for metric in found if metric.metric == "image_reuse"}
     bars = [bar.get_height() for bar in figure.axes[0].patches]
     assert bars == pytest.approx([reuse["car"].value, reuse["edge"].value])
@@ -256,13 +240,13 @@ def test_bars_are_the_metrics_and_error_bars_their_ranges(tables):
 @pytest.mark.slow
 def test_a_paper_s_widths(tables):
     for name, width_in in style.WIDTHS.items():
-        drawn = figures.of_run(run_of(*tables), width_in)
+        drawn = figures.of_run(make.run_of(tables=tables), width_in)
         assert {figure.get_figwidth() for figure in drawn.values()} == {width_in}, name
 
 
 @pytest.mark.slow
 def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
-    for name, figure in figures.of_run(run_of(*tables)).items():
+    for name, figure in figures.of_run(make.run_of(tables=tables)).items():
         figure.draw_without_rendering()
         renderer = FigureCanvasAgg(figure).get_renderer()
         for legend in figure.legends:
@@ -275,7 +259,7 @@ def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
 @pytest.mark.slow
 @pytest.mark.parametrize("width_in", [style.COLUMN_IN, style.PAGE_IN])
 def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
-    lookups = tables[1]
+    lookups = tables["lookups"]
     methods = [
         MethodInfo(f"method{place}", f"another cache {place}", baseline=False) for place in range(8)
     ]
@@ -296,7 +280,7 @@ def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
 
 
 def test_first_updates_do_not_flatten_the_confidence_boost(tables):
-    lookups = tables[1].copy()
+    lookups = tables["lookups"].copy()
     first = lookups.index[lookups["updates"] > 0][0]
     lookups.loc[first, "boost_sum"] = 1000.0 * lookups["boost_sum"].max()
     axis = figures.confidence_boost([Columns.of(lookups)], METHODS).axes[0]
@@ -346,8 +330,9 @@ def test_short_bars_are_drawn_again_on_a_scale_of_their_own():
 
 def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tables):
     """A row each, of no more than 12, a point for each method; what is idle is left out."""
-    run = run_of(*tables[:2], made_up_run.resources(6, 10).to_frame())
-    use = {(one.method, one.component): one.value for one in run.measured}
+    run = make.run_of(tables=tables | {"resources": make.resources(6, 10).to_frame()})
+    used = [one for one in run.measured if one.metric == "utilization"]
+    use = {(one.method, one.component): one.value for one in used}
     axis = figures.resource_use(run.measured, METHODS).axes[0]
     names = [tick.get_text() for tick in axis.get_yticklabels()]
     highest = {name: max(use[one.name, name] for one in METHODS) for _, name in use}
@@ -368,7 +353,7 @@ def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tabl
 
 def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
     drawn = figures.of_run(
-        run_of(*(Table(schema).to_frame() for schema in (FRAMES, LOOKUPS, RESOURCES)))
+        make.run_of(tables={name: table.columns() for name, table in new_tables().items()})
     )
     assert "image_reuse" not in drawn  # no Genie was simulated
     for name, figure in drawn.items():

@@ -5,27 +5,18 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from dataclasses import asdict
 
 import pytest
 
 from genie_sim.analysis import renderers, summary
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.record.results import MethodInfo, MetricValue, Run
-from tests import made_up_run
+from genie_sim.record.results import MethodInfo, MetricValue
+from tests.make import run_of
 
 METHODS = [
     MethodInfo("local", "local (L)", baseline=True),
     MethodInfo("mine", "my_50% & $x$", baseline=False),
 ]
-
-
-def run_of(*metrics: MetricValue) -> Run:
-    facts = {
-        "scenario": {"name": "two_cars", "seed": 3, "cars": [{}, {}], "edges": [{}]},
-        "methods": [asdict(method) for method in METHODS],
-    }
-    return Run("0123456789ab", facts, "", {"frames": made_up_run.frames(2, 3).columns()}, metrics)
 
 
 def test_numbers_are_printed_as_siunitx_reads_them():
@@ -57,13 +48,14 @@ def test_more_columns_than_fit_one_of_two_span_the_page():
 
 
 def test_a_run_s_table_says_what_its_brackets_are_and_has_no_range():
-    run = run_of(
+    measured = [
         MetricValue("frames_published", "local", "all", "", 5, "frames"),
         MetricValue("frames_published", "mine", "all", "", 5, "frames"),
         MetricValue("first_answer_mean", "local", "all", "", 342.0, "ms", 328.0, 356.0),
         MetricValue("first_answer_mean", "mine", "all", "", 9.12, "ms", 9.12, 9.12),
         MetricValue("image_reuse", "mine", "car", "", 0.25, "1", range_low=0.1, range_high=0.4),
-    )
+    ]
+    run = run_of(measured, METHODS, name="two_cars", seed=3)
     text = summary.table(run, "latex")
     assert "first answer, mean [ms] & 342 & 9.12" in text
     assert r"{\scriptsize [328, 356]}" in text

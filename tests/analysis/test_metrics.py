@@ -19,8 +19,8 @@ from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
 from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
-from tests import made_up_run
-from tests.made_up_run import METHODS
+from tests import make
+from tests.make import METHODS
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -266,7 +266,7 @@ def test_what_tells_little_has_no_interval_over_seeds():
 
 def test_a_car_of_one_block_does_not_take_the_interval_away():
     """Two cars of four seconds and one of a single frame; and a method's interval is its own."""
-    frames = made_up_run.frames(cars=2, seconds=4).to_frame()
+    frames = make.frames(cars=2, seconds=4).to_frame()
     last = frames[frames["car"] == "car2"].groupby("method", observed=True).head(1)
     with_third = pd.concat([frames, last.assign(car="car3")], ignore_index=True)
     result = of_tables(frames=with_third)["answered_share", "local"]
@@ -388,8 +388,7 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
 
 
 def test_the_order_of_frames_in_memory_does_not_matter():
-    tables = made_up_run.frames(1, 3), made_up_run.lookups(1, 100), made_up_run.resources(1, 10)
-    given = {table.name: table.to_frame() for table in tables}
+    given = make.tables(1, 3)
     shuffled = given["frames"].sample(frac=1, random_state=3)
     made = (
         metrics.compute(METHODS, {**given, "frames": rows}) for rows in (given["frames"], shuffled)
@@ -502,7 +501,7 @@ def test_an_interval_over_blocks_of_two_cars_by_hand():
 
 def test_frames_without_an_answer_do_not_change_the_interval_of_the_mean():
     """Each second has answered frames, so leaving the others out changes no block."""
-    frames = made_up_run.frames(cars=2, seconds=8).to_frame()
+    frames = make.frames(cars=2, seconds=8).to_frame()
     local = frames[frames["method"] == "local"]
     dropped = local["first_answer_ns"].isna()
     assert dropped.any() and len(local[~dropped]) >= 2 * 8, "a second has answered frames"

@@ -7,9 +7,23 @@ import pytest
 
 from genie_sim.analysis import outages, summary
 from genie_sim.analysis.registry import METRICS
+from genie_sim.record.columns import Columns
 from genie_sim.runs.folder import run_in_memory
-from tests.analysis.outage_tables import table
 from tests.conformance import small
+
+
+def table(rows: list[tuple], *names: str) -> Columns:
+    frame = pd.DataFrame(rows, columns=list(names))
+    return Columns.of(
+        frame.astype(
+            {
+                name: "category"
+                for name in names
+                if frame[name].dtype == object and name[-2:] != "ns"
+            }
+        )
+    )
+
 
 S, MS = 1_000_000_000, 1_000_000
 

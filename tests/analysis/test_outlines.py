@@ -2,52 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import figures, metrics, registry
+from genie_sim.analysis import figures, registry
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, Arm, ComparedRuns, Difference
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.points import differences, latency_accuracy
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, MetricValue, Run
-from tests import made_up_run, outline
-from tests.made_up_run import METHODS
+from genie_sim.record.results import MethodInfo, MetricValue
+from tests import make, outline
+from tests.make import METHODS
 
 FOOTER = "street_3car_hetero, run 0123456789ab, seed 1"
 
 
 @pytest.fixture(scope="module")
 def tables() -> dict[str, pd.DataFrame]:
-    made = {
-        "frames": made_up_run.frames(2, 3),
-        "lookups": made_up_run.lookups(2, 120),
-        "resources": made_up_run.resources(2, 30),
-    }
-    return {name: table.to_frame() for name, table in made.items()}
-
-
-def run_of(tables: dict[str, pd.DataFrame]) -> Run:
-    facts = {
-        "scenario": {"name": "street_3car_hetero", "seed": 1},
-        "methods": [asdict(method) for method in METHODS],
-    }
-    columns = {name: Columns.of(table) for name, table in tables.items()}
-    measured = [one for one in metrics.compute(METHODS, columns) if one.metric == "utilization"]
-    return Run("0123456789ab", facts, "", columns, measured)
+    return make.tables()
 
 
 def test_figures_of_a_run(tables):
-    outline.check("run", figures.of_run(run_of(tables), None))
+    outline.check("run", figures.of_run(make.run_of(tables=tables), None))
 
 
 def test_several_seeds_have_bands(tables):
     """Curves and bars of three seeds, of which one has other numbers."""
-    seeds = [tables, tables, {"frames": made_up_run.frames(2, 3, seed=2).to_frame()}]
-    seeds[2]["lookups"] = made_up_run.lookups(2, 120, seed=2, lift=2.0).to_frame()
+    seeds = [tables, tables, {"frames": make.frames(2, 3, seed=2).to_frame()}]
+    seeds[2]["lookups"] = make.lookups(2, 120, seed=2, lift=2.0).to_frame()
     frames, lookups = ([Columns.of(seed[name]) for seed in seeds] for name in ("frames", "lookups"))
     drawn = {
         "latency_cdf": figures.latency_cdf(frames, METHODS, FOOTER),

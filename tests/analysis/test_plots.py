@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 import pytest
 from matplotlib.figure import Figure
 
 from genie_sim.analysis.plots import Plots
 from genie_sim.base.errors import UserError
-from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
-from tests import made_up_run
-from tests.made_up_run import METHODS
+from tests import make
 
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    facts = {
-        "scenario": {"name": "made up", "seed": 1},
-        "methods": [asdict(method) for method in METHODS],
-    }
-    made = {
-        "frames": made_up_run.frames(1, 2),
-        "lookups": made_up_run.lookups(1, 60),
-        "resources": made_up_run.resources(1, 20),
-    }
-    tables = {name: Columns.of(table.to_frame()) for name, table in made.items()}
+    tables = make.tables(1, 2)
     of_local = tables["resources"]["method"] == "local"
-    busy_ns = tables["resources"].floats("busy_ns") * (1 - 0.5 * of_local)  # methods differ
+    busy_ns = tables["resources"]["busy_ns"] * (1 - 0.5 * of_local)  # methods differ
     tables["resources"] = tables["resources"].assign(busy_ns=busy_ns)
-    return Run("0123456789ab", facts, "", tables, ())
+    return make.run_of((), tables=tables)
 
 
 @pytest.mark.parametrize("name", ["image_reuse", "object_reuse", "confidence_boost", "latency_cdf"])

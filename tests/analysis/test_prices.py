@@ -21,7 +21,7 @@ from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.interface import InterfaceUse
-from tests.sim.street import fixed_device, scenario, street
+from tests.make import fixed_device, scenario, street
 
 MS = 1_000_000
 S = 1_000 * MS

@@ -3,48 +3,28 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import asdict
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import compare_tables, metrics, renderers, screen, summary
+from genie_sim.analysis import compare_tables, renderers, screen, summary
 from genie_sim.analysis.compare import compare
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.record.columns import Columns
 from genie_sim.record.records import new_tables
 from genie_sim.record.results import MetricValue, Run
 from genie_sim.report import notebook
-from tests import made_up_run, outline
-from tests.made_up_run import METHODS
+from tests import make, outline
+from tests.make import METHODS
 
 
 def made(seed: int, lift: float = 1.0, speed: float = 1.0) -> Run:
     """A run with response times, reuse, resources, correctness and energy."""
-    facts = {
-        "genie_sim": "1",
-        "traces": {},
-        "plugins": {},
-        "sources": {},
-        "source": {},
-        "devices": {},
-        "scenario": {
-            "name": "made_up",
-            "lift": lift,
-            "seed": seed,
-            "cars": [{}, {}],
-            "edges": [{}, {}],
-        },
-        "methods": [asdict(method) for method in METHODS],
-    }
-    tables = {
-        "frames": made_up_run.frames(2, 3, seed, speed),
-        "lookups": made_up_run.lookups(2, 120, seed, lift),
-        "resources": made_up_run.resources(2, 30),
-    }
-    whole = {**new_tables(), **tables}
-    measured = metrics.compute(METHODS, {name: table.to_frame() for name, table in tables.items()})
+    tables = make.tables(seed=seed, lift=lift, speed=speed)
+    scenario = {"name": "made_up", "lift": lift, "seed": seed, "edges": [{}, {}]}
+    run = make.run_of(tables=tables, **scenario)
+    measured = [*run.measured]
     for place, method in enumerate(METHODS):
         for number, (name, unit) in enumerate(
             (
@@ -59,8 +39,16 @@ def made(seed: int, lift: float = 1.0, speed: float = 1.0) -> Run:
             value = (0.2 + 0.1 * place + 0.01 * number + 0.001 * seed) * (1 if unit == "1" else 50)
             ends = value * 0.9, value * 1.2
             measured.append(MetricValue(name, method.name, "all", "", value, unit, *ends, n=60))
-    columns = {name: Columns.of(table.to_frame()) for name, table in whole.items()}
-    return Run(f"0123456789a{seed}", facts, "", columns, measured)
+    empty = {name: table.columns() for name, table in new_tables().items()}
+    parts = ("traces", "plugins", "sources", "source", "devices")
+    about = {part: {} for part in parts}
+    return replace(
+        run,
+        run_id=f"0123456789a{seed}",
+        facts={"genie_sim": "1", **about, **run.facts},
+        tables=empty | run.tables,
+        measured=measured,
+    )
 
 
 @pytest.fixture(scope="module")

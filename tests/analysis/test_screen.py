@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 import pytest
 
 from genie_sim.analysis import screen
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
-from tests import made_up_run
+from tests import make
 
 TEN = [MethodInfo(f"m{i}", f"Method number {i}", baseline=False) for i in range(10)]
 
 
 def run_of(methods: list[MethodInfo], seed: int = 7, label: str = "", shift: float = 0.0) -> Run:
-    facts = {
-        "scenario": {"name": "town", "seed": seed, "cars": [{}] * 3, "edges": [{}]},
-        "methods": [asdict(method) for method in methods],
-    }
     measured = [
         MetricValue("first_answer_mean", method.name, "all", "", 10.0 + i + shift, "ms")
         for i, method in enumerate(methods)
     ]
-    frames = made_up_run.frames(3, 2).columns().assign(method="m0")
-    return Run("0123456789ab", facts, "", {"frames": frames}, measured, label=label)
+    tables = {"frames": make.frames(3, 2).columns().assign(method="m0")}
+    return make.run_of(measured, methods, tables, label, name="town", seed=seed, cars=[{}] * 3)
 
 
 def test_the_header_says_what_was_run():

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import pytest
 
@@ -11,26 +10,13 @@ from genie_sim.analysis import metrics, renderers, screen, summary
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.errors import UserError
 from genie_sim.record.results import MethodInfo, MetricValue, Run
-from tests import made_up_run
+from tests import make
+from tests.make import run_of
 
 
 @pytest.fixture(scope="module")
 def found() -> list[MetricValue]:
-    tables = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
-    return metrics.compute(made_up_run.METHODS, {table.name: table.to_frame() for table in tables})
-
-
-def run_of(
-    metrics: Sequence[MetricValue],
-    methods: Sequence[MethodInfo] = made_up_run.METHODS,
-    seed: int = 1,
-) -> Run:
-    facts = {
-        "scenario": {"name": "street_3car_hetero", "seed": seed, "cars": [{}, {}], "edges": [{}]},
-        "methods": [asdict(method) for method in methods],
-    }
-    tables = {"frames": made_up_run.frames(2, 3).columns()}
-    return Run("0123456789ab", facts, "", tables, metrics)
+    return metrics.compute(make.METHODS, make.tables())
 
 
 PLACES = ("cars", "edges")
@@ -294,7 +280,7 @@ def test_where_no_key_repeats_the_run_says_so_in_one_line():
     """Of image keys and of places, each by itself; one hit is enough to say nothing."""
 
     def with_lookups(lift: float) -> Run:
-        run, lookups = run_of([]), made_up_run.lookups(2, 120, lift=lift).columns()
+        run, lookups = run_of([]), make.lookups(2, 120, lift=lift).columns()
         return replace(run, tables={**run.tables, "lookups": lookups})
 
     nothing = with_lookups(0.0)

@@ -21,7 +21,7 @@ from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Similarity
-from tests.core.worlds import S
+from tests.make import S
 
 poses = st.builds(
     CameraPose,

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from genie_sim.core.messages import Detection, Detections, Effect, Header, Image
 from genie_sim.core.node import GenieNode
-from tests.core.worlds import BRIDGE, CROSSING, IMAGES, OBJECTS, S, answer, frame, seen
+from tests.core.worlds import IMAGES, OBJECTS
+from tests.make import BRIDGE, CROSSING, S, answer, frame, seen
 
 NEIGHBOURS = ("edge2/genie", "edge3/genie")
 UNHEARD_OF = Header(999 * S, "02", "car9")
@@ -20,7 +21,7 @@ UNHEARD_OF = Header(999 * S, "02", "car9")
 # Some of these are within a metre of each other, across cells too; no two distances between them
 # are equal.
 PLACES = (
-    None,
+    (None,),
     (20.0, 0.0),
     (20.7, 0.1),
     (21.3, -0.2),
@@ -98,7 +99,7 @@ def story(seed: int, shared_stamps: bool) -> list[Step]:
 def findings(rng: random.Random) -> list[Detection]:
     """What a detector says about a picture."""
     return [
-        seen(rng.choice(["car", "person"]), round(rng.random(), 2), rng.choice(PLACES))
+        seen(*rng.choice(PLACES), label=rng.choice(["car", "person"]), score=round(rng.random(), 2))
         for _ in range(rng.randrange(4))
     ]
 

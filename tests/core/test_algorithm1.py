@@ -22,29 +22,23 @@ from genie_sim.core.node import merged
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
 from tests.core.worlds import (
-    BRIDGE,
-    CROSSING,
     IMAGES,
     OBJECTS,
-    STATION,
     Lanes,
-    S,
-    answer,
     answers,
     facts,
-    frame,
     genie,
     labels,
     object_map,
     publications,
-    seen,
 )
+from tests.make import BRIDGE, CROSSING, STATION, S, answer, frame, seen
 
 TO_NODE, TO_OTHERS = f"{IMAGES}-local", f"{IMAGES}-remote"
 FROM_NODE, FROM_OTHERS = f"{OBJECTS}-local", f"{OBJECTS}-remote"
 NEIGHBOUR = "edge2/genie"
-CAR = seen("car", 0.9, at=(20.0, 0.0))
-FAINT_BUS = seen("bus", 0.3, at=(30.0, 5.0))
+CAR = seen()
+FAINT_BUS = seen(30.0, 5.0, label="bus", score=0.3)
 
 
 def lookup(request, outcome, requester="client", entries=0):
@@ -153,7 +147,11 @@ def test_an_answer_nobody_asked_for_is_knowledge_for_the_map_only():
 
 
 def test_an_object_without_a_place_keeps_its_score_and_enters_no_map():
-    first, nowhere, faint = frame(0), seen("person", 0.7, at=None), seen("dog", 0.5, at=None)
+    first, nowhere, faint = (
+        frame(0),
+        seen(None, label="person", score=0.7),
+        seen(None, label="dog", score=0.5),
+    )
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, first, 0)
     [sighting, delivered, _] = asked.on_message(FROM_NODE, answer(first, nowhere, faint), 1)
@@ -185,7 +183,7 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     """The bus has been confirmed since, 0.58 + 0.1 * 0.9 * (1 - 0.58) = 0.6178, and a person stands
     beside the car.
     """
-    bus, person = seen("bus", 0.58, at=(30.0, 5.0)), seen("person", 0.8, at=(20.5, 0.0))
+    bus, person = seen(30.0, 5.0, label="bus", score=0.58), seen(20.5, label="person", score=0.8)
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, bus), 1)
@@ -223,19 +221,19 @@ def test_replaying_does_not_change_the_stored_answer():
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     asked.on_message(
-        FROM_OTHERS, answer(frame(5, car="car9"), seen("person", 0.8, at=(20.5, 0.0))), 2
+        FROM_OTHERS, answer(frame(5, car="car9"), seen(20.5, label="person", score=0.8)), 2
     )
     replays = [answers(asked.on_message(IMAGES, frame(stamp), stamp * S))[0] for stamp in (10, 11)]
     assert [labels(one) for one in replays] == [["car", "person"], ["car", "person"]]
 
 
 def test_an_object_between_two_others_is_added_once():
-    left, right = seen("car", 0.9, at=(20.0, 0.0)), seen("car", 0.9, at=(21.2, 0.0))
+    left, right = seen(), seen(21.2)
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), left, right), 1)
     asked.on_message(
-        FROM_OTHERS, answer(frame(5, car="car9"), seen("person", 0.8, at=(20.6, 0.0))), 2
+        FROM_OTHERS, answer(frame(5, car="car9"), seen(20.6, label="person", score=0.8)), 2
     )
     assert labels(answers(asked.on_message(IMAGES, frame(10), 10 * S))[0]) == [
         "car",
@@ -315,8 +313,8 @@ def test_the_very_same_request_over_another_way_is_ignored():
 def test_the_second_answer_overwrites_the_first_leaves_it_or_joins_it(second_answer, replayed):
     asked = genie(miss_policy="blocking", second_answer=second_answer)
     asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), seen("car", 0.9, at=(20.0, 0.0))), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(0), seen("bus", 0.9, at=(40.0, 0.0))), 2)
+    asked.on_message(FROM_NODE, answer(frame(0), seen()), 1)
+    asked.on_message(FROM_OTHERS, answer(frame(0), seen(40.0, label="bus")), 2)
     assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == replayed
 
 
@@ -454,9 +452,9 @@ def test_the_neighbours_cached_answer_serves_our_client():
 def test_immediately_a_client_gets_the_confident_objects_in_view():
     asked = genie()
     ahead, faint, behind = (
-        seen("car", 0.9, at=(20, 3)),
-        seen("bus", 0.5, at=(25, 0)),
-        seen("dog", 0.9, at=(-20, 0)),
+        seen(20, 3),
+        seen(25, label="bus", score=0.5),
+        seen(-20, label="dog"),
     )
     asked.on_message(FROM_OTHERS, answer(frame(0, car="car2"), ahead, faint, behind), 0)
     [at_once] = answers(asked.on_message(IMAGES, frame(1), S))

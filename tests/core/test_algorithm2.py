@@ -17,7 +17,8 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.messages import CameraPose, Header
 from genie_sim.core.rules import Percentile
 from genie_sim.core.view import ViewSector
-from tests.core.worlds import S, answer, object_map, seen
+from tests.core.worlds import object_map
+from tests.make import S, answer, seen
 
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
 scores = st.integers(0, 100).map(lambda percent: percent / 100)
@@ -40,7 +41,7 @@ def told(objects, *sightings):
 
 
 def test_a_first_sighting_is_stored_with_its_score():
-    before, stored = object_map().sight(seen("car", 0.3))
+    before, stored = object_map().sight(seen(score=0.3))
     assert before is None
     assert (stored.label, stored.location, stored.score, stored.confidence) == (
         "car",
@@ -51,7 +52,7 @@ def test_a_first_sighting_is_stored_with_its_score():
 
 
 def test_an_object_confirmed_by_another_map_keeps_its_confidence():
-    _, stored = object_map().sight(replace(seen("car", 0.3), confidence=0.7))
+    _, stored = object_map().sight(replace(seen(score=0.3), confidence=0.7))
     assert (stored.score, stored.confidence) == (0.3, 0.7)
 
 
@@ -66,8 +67,8 @@ def test_an_object_confirmed_by_another_map_keeps_its_confidence():
 )
 def test_a_second_sighting_changes_the_confidence_and_nothing_else(rule, after):
     objects = object_map(rule=rule)
-    objects.sight(seen("car", 0.3, at=(20.0, 0.0)))
-    before, stored = objects.sight(seen("car", 0.8, at=(20.4, 0.0)))
+    objects.sight(seen(score=0.3))
+    before, stored = objects.sight(seen(20.4, score=0.8))
     assert (before, stored.confidence) == (0.3, pytest.approx(after))
     assert (stored.score, stored.location) == (0.3, (20.0, 0.0, 0.0))
     assert len(objects) == 1
@@ -77,9 +78,9 @@ def test_many_faint_sightings_pass_the_threshold():
     """0.3 instead of 0.65 in the paper's example: each car that sees it adds 0.1 * 0.3 of what is
     missing to 1.
     """
-    objects, repeats = told(object_map(), seen("traffic light", 0.3)), 0
+    objects, repeats = told(object_map(), seen(label="traffic light", score=0.3)), 0
     while object_at(objects).confidence < objects.threshold:
-        objects.sight(seen("traffic light", 0.3))
+        objects.sight(seen(label="traffic light", score=0.3))
         repeats += 1
     assert repeats == math.ceil(math.log((1 - 0.60) / (1 - 0.3)) / math.log(1 - 0.1 * 0.3))
 
@@ -101,13 +102,13 @@ def test_confidences_stay_in_their_range_and_nothing_is_counted_twice(rule, sigh
 
 
 def test_classes_are_told_apart():
-    objects = told(object_map(), seen("car", 0.9), seen("person", 0.9))
+    objects = told(object_map(), seen(), seen(label="person"))
     assert [one.label for one in objects] == ["car", "person"]
     assert object_at(objects, "bus") is None
 
 
 def test_the_nearest_object_of_the_class_is_it():
-    objects = told(object_map(), seen("car", 0.9, at=(0.0, 0.0)), seen("car", 0.8, at=(1.2, 0.0)))
+    objects = told(object_map(), seen(0.0), seen(1.2, score=0.8))
     assert object_at(objects, "car", (0.5, 0.0)).score == 0.9
     assert object_at(objects, "car", (0.7, 0.0)).score == 0.8
 
@@ -116,13 +117,13 @@ def test_the_nearest_object_of_the_class_is_it():
     ("metres", "same"), [(0.0, True), (0.99, True), (1.0, True), (1.01, False)]
 )
 def test_the_gate_decides_what_is_the_same_place(metres, same):
-    objects = told(object_map(gate_m=1.0), seen("car", 0.9, at=(0.5, 0.5)))
+    objects = told(object_map(gate_m=1.0), seen(0.5, 0.5))
     assert (object_at(objects, "car", (0.5 + metres, 0.5)) is not None) is same
 
 
 @pytest.mark.parametrize("step", list(itertools.product((-0.2, 0.0, 0.2), repeat=2)))
 def test_an_object_is_found_across_the_borders_of_its_cell(step):
-    corner = told(object_map(), seen("car", 0.9, at=(3.0 - step[0] / 2, -2.0 - step[1] / 2)))
+    corner = told(object_map(), seen(3.0 - step[0] / 2, -2.0 - step[1] / 2))
     assert object_at(corner, "car", (3.0 + step[0] / 2, -2.0 + step[1] / 2)) is not None
 
 
@@ -147,15 +148,15 @@ def distance2(location, place):
 def test_with_exact_locations_a_millimetre_makes_another_object():
     objects = told(
         object_map(location_key="exact"),
-        seen("car", 0.9, at=(20.0, 0.0)),
-        seen("car", 0.9, at=(20.001, 0.0)),
+        seen(),
+        seen(20.001),
     )
     assert len(objects) == 2
-    assert objects.sight(seen("car", 0.5, at=(20.0, 0.0)))[0] == 0.9
+    assert objects.sight(seen(score=0.5))[0] == 0.9
 
 
 def test_literally_any_object_at_a_place_blocks_a_second():
-    objects = told(object_map(one_per_location=True), seen("car", 0.5), seen("person", 0.9))
+    objects = told(object_map(one_per_location=True), seen(score=0.5), seen(label="person"))
     [only] = objects
     assert (only.label, only.confidence) == ("car", pytest.approx(0.5 + 0.1 * 0.9 * 0.5))
 
@@ -176,9 +177,7 @@ def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
     assert objects.threshold == 1.0, "nothing is confident before there is anything"
     for second in range(60):
         objects.forget(second * S)
-        one = seen("car", rng.random(), at=(5.0 * rng.randrange(12), 0.0)).with_confidence(
-            rng.random()
-        )
+        one = seen(5.0 * rng.randrange(12), score=rng.random()).with_confidence(rng.random())
         objects.sight(one, second * S)
         stored = sorted(one.confidence for one in objects)
         least = next(
@@ -196,7 +195,7 @@ def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
 
 def test_a_place_holds_every_object_within_the_gate_of_any_class():
     near, nearer, far = (
-        seen(label, 0.9, at=at)
+        seen(*at, label=label)
         for label, at in (("car", (20, 1.0)), ("dog", (20, 0)), ("bus", (20, -1.01)))
     )
     objects = told(object_map(gate_m=1.0), near, nearer, far)
@@ -210,21 +209,21 @@ def test_a_place_holds_every_object_within_the_gate_of_any_class():
 def test_a_replay_shows_the_nearest_of_several_objects_and_adds_the_others(one_per_location):
     objects = told(
         object_map(one_per_location=one_per_location),
-        seen("car", 0.92, at=(21.1, 0.0)),
-        seen("car", 0.91, at=(20.0, 0.0)),
-        seen("dog", 0.93, at=(22.2, 0.0)),
+        seen(21.1, score=0.92),
+        seen(score=0.91),
+        seen(22.2, label="dog", score=0.93),
     )
-    stored = answer(Header(S, "02", "car1"), seen("car", 0.4, at=(21.0, 0.0)))
+    stored = answer(Header(S, "02", "car1"), seen(21.0, score=0.4))
     boosted = objects.confident(objects.enhanced_cache_boost_data(stored, stored.header)[0])
     assert [one.confidence for one in boosted.objects] == [0.92, 0.91]
     assert boosted.objects[0].location == (21.0, 0.0, 0.0)
 
 
 def test_a_replay_shows_no_confidence_of_another_class():
-    stored = answer(Header(S, "02", "car1"), seen("car", 0.4))
+    stored = answer(Header(S, "02", "car1"), seen(score=0.4))
     shown = []
     for one_per_location in (False, True):
-        objects = told(object_map(one_per_location=one_per_location), seen("dog", 0.9))
+        objects = told(object_map(one_per_location=one_per_location), seen(label="dog"))
         boosted, lookups = objects.enhanced_cache_boost_data(stored, stored.header)
         shown.append([(one.label, one.confidence) for one in boosted.objects])
         assert lookups.hits == 1
@@ -249,7 +248,7 @@ COMPASS = {
 
 
 def surroundings():
-    return told(object_map(), *(seen(label, 0.9, at=at) for label, at in COMPASS.items()))
+    return told(object_map(), *(seen(*at, label=label) for label, at in COMPASS.items()))
 
 
 @pytest.mark.parametrize(
@@ -270,7 +269,7 @@ def test_a_camera_sees_what_it_looks_at(heading_deg, visible):
 
 def test_headings_wrap_around():
     """West of the camera bearings jump from 180 to -180 degrees; both sides are in view."""
-    objects = told(object_map(), seen("left", 0.9, at=(-30, -5)), seen("right", 0.9, at=(-30, 5)))
+    objects = told(object_map(), seen(-30, -5, label="left"), seen(-30, 5, label="right"))
     assert (
         in_view(objects, heading_deg=179) == in_view(objects, heading_deg=-179) == {"left", "right"}
     )
@@ -280,10 +279,7 @@ def test_headings_wrap_around():
 def test_the_field_of_view_extends_half_to_either_side(fov_deg, seen_at_30_deg):
     for side in (30, -30):
         at = (20 * math.cos(math.radians(side)), 20 * math.sin(math.radians(side)))
-        assert (
-            bool(in_view(told(object_map(), seen("car", 0.9, at=at)), fov_deg=fov_deg))
-            is seen_at_30_deg
-        )
+        assert bool(in_view(told(object_map(), seen(*at)), fov_deg=fov_deg)) is seen_at_30_deg
 
 
 def test_the_view_ends_at_its_range():
@@ -295,7 +291,7 @@ def test_the_view_ends_at_its_range():
 def test_the_view_of_a_map_is_that_of_each_of_its_objects(fov_deg):
     """Also at the corners of a lattice, which lie on its borders."""
     places = [(east_m, north_m) for east_m in range(-30, 31, 6) for north_m in range(-30, 31, 6)]
-    objects = told(object_map(), *(seen("car", 0.9, at=place) for place in places))
+    objects = told(object_map(), *(seen(*place) for place in places))
     for heading_deg in range(0, 360, 45):
         pose = CameraPose(0.0, 0.0, 1.6, math.radians(heading_deg))
         view = pose, math.radians(fov_deg), 30.0
@@ -311,13 +307,15 @@ def test_the_view_of_a_map_is_that_of_each_of_its_objects(fov_deg):
 def test_what_is_in_view_is_told_with_the_confidence_that_it_has_by_then():
     objects, pose = object_map(), CameraPose(0.0, 0.0, 0.0, 0.0)
     for confidence in (0.8, 0.8 + 0.1 * 0.8 * (1 - 0.8)):
-        objects.sight(seen("car", 0.8))
+        objects.sight(seen(score=0.8))
         in_sight = objects.in_view(pose, 1.0, 50.0)
         assert [stored.as_detection().confidence for stored in in_sight] == [confidence]
 
 
 def test_only_confident_objects_are_in_view():
-    objects = told(object_map(), seen("sure", 0.60, at=(20, 0)), seen("unsure", 0.59, at=(20, 3)))
+    objects = told(
+        object_map(), seen(label="sure", score=0.6), seen(20, 3, label="unsure", score=0.59)
+    )
     assert in_view(objects) == {"sure"}
 
 
@@ -325,7 +323,7 @@ def test_only_confident_objects_are_in_view():
 def test_the_cells_that_views_are_looked_up_in_do_not_matter(view_cell_m):
     objects = told(
         object_map(view_cell_m=view_cell_m),
-        *(seen(label, 0.9, at=at) for label, at in COMPASS.items()),
+        *(seen(*at, label=label) for label, at in COMPASS.items()),
     )
     assert in_view(objects, range_m=70.1) == {"east", "far east"}
 
@@ -356,16 +354,16 @@ def test_views_through_cells_show_what_looking_at_every_object_shows(
 
 
 def test_a_gate_as_wide_as_the_world_takes_no_longer():
-    objects = told(object_map(gate_m=1e12), seen("car", 0.3, at=(20.0, 0.0)))
-    before, _ = objects.sight(seen("car", 0.8, at=(400.0, 300.0)))
+    objects = told(object_map(gate_m=1e12), seen(score=0.3))
+    before, _ = objects.sight(seen(400.0, 300.0, score=0.8))
     assert before == 0.3 and len(objects) == 1
 
 
 def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
     objects = object_map(forget_after_ns=10)
-    objects.sight(seen("car", 0.9, at=(5.0, 0.0)), 0)
-    objects.sight(seen("bus", 0.9, at=(40.0, 1.0)), 3)
-    objects.sight(seen("car", 0.9, at=(5.1, 0.0)), 8)
+    objects.sight(seen(5.0), 0)
+    objects.sight(seen(40.0, 1.0, label="bus"), 3)
+    objects.sight(seen(5.1), 8)
     assert objects.forget(12) == []
     assert {one.label for one in objects} == {"car", "bus"}
     assert [one.label for one in objects.forget(13)] == ["bus"]
@@ -375,12 +373,12 @@ def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
     assert object_at(objects, "bus", (40.0, 1.0)) is None and in_view(objects) == {"car"}
     objects.forget(18)
     assert list(objects) == [] and len(objects) == 0
-    before, _ = objects.sight(seen("car", 0.4, at=(5.0, 0.0)), 20)
+    before, _ = objects.sight(seen(5.0, score=0.4), 20)
     assert before is None, "who comes again is new"
 
 
 def test_nothing_is_forgotten_unless_it_is_said():
-    objects = told(object_map(), seen("car", 0.9, at=(5.0, 0.0)))
+    objects = told(object_map(), seen(5.0))
     objects.forget(10**18)
     assert len(objects) == 1
 
@@ -408,10 +406,10 @@ def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
 
 def test_numbers_of_objects_are_never_reused():
     objects = object_map(forget_after_ns=S)
-    _, car = objects.sight(seen("car", 0.9, at=(0.0, 0.0)))
-    objects.sight(seen("car", 0.9, at=(0.2, 0.0)))
-    _, person = objects.sight(seen("person", 0.9, at=(0.0, 0.0)))
+    _, car = objects.sight(seen(0.0))
+    objects.sight(seen(0.2))
+    _, person = objects.sight(seen(0.0, label="person"))
     assert (car.number, person.number) == (0, 1)
     objects.forget(S)
-    _, later_car = objects.sight(seen("car", 0.9, at=(0.0, 0.0)), 2 * S)
+    _, later_car = objects.sight(seen(0.0), 2 * S)
     assert later_car.number == 2

@@ -13,7 +13,8 @@ from genie_sim.core.messages import Expired, ImageLookup, Publish
 from genie_sim.core.rules import Capacity, Percentile
 from genie_sim.core.similarity import DHash, Exact, PoseGrid
 from tests.core.stories import stories, tell
-from tests.core.worlds import IMAGES, OBJECTS, S, answers, facts, genie, object_map, publications
+from tests.core.worlds import IMAGES, OBJECTS, answers, facts, genie, object_map, publications
+from tests.make import S
 
 READINGS = {
     "pending_index": ["across_topics", "per_topic"],

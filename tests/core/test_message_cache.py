@@ -10,7 +10,8 @@ from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequ
 from genie_sim.core.messages import Detections, Header
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import DHash, Exact
-from tests.core.worlds import OBJECTS, Lanes, answer, frame, labels, seen
+from tests.core.worlds import OBJECTS, Lanes, labels
+from tests.make import answer, frame, seen
 
 HEADER = Header(0, "02", "car1")
 
@@ -105,25 +106,25 @@ def test_without_a_capacity_only_the_first_request_for_a_picture_misses():
 
 def test_under_lfu_in_bytes_a_new_answer_is_not_the_one_that_goes():
     """It was used least, but the one that it comes in place of goes before."""
-    size_bytes = answer(HEADER, seen("car", 0.9)).size_bytes
+    size_bytes = answer(HEADER, seen()).size_bytes
     cache = MessageCache(Exact().index(), LFU(), Capacity(bytes=2 * size_bytes))
     for now_ns, key in enumerate(("crossing", "bridge", "bridge", "crossing", "bridge")):
-        cache.put(key, OBJECTS, answer(HEADER, seen("car", 0.9)), now_ns)
-    cache.put("tunnel", OBJECTS, answer(HEADER, seen("car", 0.9)), 9)
+        cache.put(key, OBJECTS, answer(HEADER, seen()), now_ns)
+    cache.put("tunnel", OBJECTS, answer(HEADER, seen()), 9)
     held = {key for key in ("crossing", "bridge", "tunnel") if cache.peek(key, 10) is not None}
     assert held == {"bridge", "tunnel"}
 
 
 def test_an_answer_larger_than_the_cache_is_not_stored_and_evicts_nothing():
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=500))
-    cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)
-    cache.put("bridge", OBJECTS, answer(HEADER, *[seen("car", 0.9)] * 2), 1)
+    cache.put("crossing", OBJECTS, answer(HEADER, seen()), 0)
+    cache.put("bridge", OBJECTS, answer(HEADER, *[seen()] * 2), 1)
     assert cache.get("bridge", 2) is None
     assert cache.get("crossing", 2) is not None
 
 
 def test_an_answer_just_as_large_as_the_cache_fits():
-    whole = answer(HEADER, seen("car", 0.9))
+    whole = answer(HEADER, seen())
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=whole.size_bytes))
     cache.put("crossing", OBJECTS, whole, 0)
     assert cache.get("crossing", 1) == {OBJECTS: whole}
@@ -131,16 +132,16 @@ def test_an_answer_just_as_large_as_the_cache_fits():
 
 def test_an_answer_that_grows_makes_room_for_itself():
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=1_000))
-    cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)
-    cache.put("bridge", OBJECTS, answer(HEADER, seen("car", 0.9)), 1)
-    cache.put("crossing", OBJECTS, answer(HEADER, *[seen("car", 0.9)] * 2), 2)
+    cache.put("crossing", OBJECTS, answer(HEADER, seen()), 0)
+    cache.put("bridge", OBJECTS, answer(HEADER, seen()), 1)
+    cache.put("crossing", OBJECTS, answer(HEADER, *[seen()] * 2), 2)
     assert cache.get("bridge", 3) is None
     assert len(cache.get("crossing", 3)[OBJECTS].objects) == 2
 
 
 def test_answers_on_several_topics_are_one_entry():
     cache = MessageCache(Exact().index(), LRU(), Capacity(entries=1))
-    lanes, objects = Lanes(HEADER, 3), answer(HEADER, seen("car", 0.9))
+    lanes, objects = Lanes(HEADER, 3), answer(HEADER, seen())
     cache.put("crossing", "/lanes", lanes, 0)
     cache.put("crossing", OBJECTS, objects, 1)
     assert cache.get("crossing", 2) == {"/lanes": lanes, OBJECTS: objects}
@@ -178,7 +179,7 @@ def test_an_expired_answer_does_not_hide_a_live_one_a_little_farther_away():
     """
     cache = MessageCache(DHash(radius=2).index(), TTL(10))
     cache.put(0b001, OBJECTS, answer(HEADER), 0)
-    cache.put(0b110, OBJECTS, answer(HEADER, seen("car", 0.9)), 8)
+    cache.put(0b110, OBJECTS, answer(HEADER, seen()), 8)
     assert labels(cache.get(0b000, 9)[OBJECTS]) == []
     assert labels(cache.get(0b000, 12)[OBJECTS]) == ["car"]
 

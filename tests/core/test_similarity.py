@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from genie_sim.base.settings import SettingError
 from genie_sim.core.similarity import SIMILARITIES, DHash, Exact, PoseGrid
 from tests.core.conformance import SimilarityConformance
-from tests.core.worlds import frame
+from tests.make import frame
 
 
 class TestExact(SimilarityConformance):

@@ -25,7 +25,8 @@ from genie_sim.core.messages import (
     ImageLookup,
     Publish,
 )
-from tests.core.worlds import IMAGES, OBJECTS, S
+from tests.core.worlds import IMAGES, OBJECTS
+from tests.make import S
 
 C_T, RATE, GATE_M, VIEW_M, EXPIRY_NS = 0.60, 0.1, 1.0, 50.0, 2 * S
 Deed = tuple[Any, ...]

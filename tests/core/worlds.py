@@ -4,7 +4,6 @@ tell it to.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,12 +11,10 @@ from typing import Any
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.messages import (
-    CameraPose,
     Detection,
     Detections,
     Effect,
     Header,
-    Image,
     Publish,
 )
 from genie_sim.core.node import GenieNode
@@ -25,42 +22,11 @@ from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
 
-S = 1_000_000_000
 IMAGES, OBJECTS = "/image_raw", "/objects"
+
 
 # Where frames are taken, all looking east; each its own cell of the pose grid, out of sight of the
 # others.
-CROSSING, BRIDGE, STATION = (0.5, 0.5), (500.5, 0.5), (1000.5, 0.5)
-
-
-def frame(
-    stamp_s: float,
-    at: tuple[float, float] = CROSSING,
-    car: str = "car1",
-    camera: str = "02",
-    heading_deg: float = 0.0,
-) -> Image:
-    """What ``car``'s camera shows at a place; the same picture from every car."""
-    header = Header(round(stamp_s * S), camera, car)
-    pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
-    picture = f"{at} {heading_deg}"
-    return Image(header, 1_000, picture, hash(at) & 0xFFFF, pose, math.radians(90.0))
-
-
-def seen(label: str, score: float, at: tuple[float, float] | None = (20.0, 0.0)) -> Detection:
-    """A detector's finding at a place of the ground plane, or one that could not be placed."""
-    location = None if at is None else (at[0], at[1], 0.0)
-    return Detection(
-        label, score, (10.0, 10.0, 50.0, 40.0), location, score, "scan" if at else "none"
-    )
-
-
-def answer(request: Image | Header, *objects: Detection, by: str = "detector") -> Detections:
-    """What the encapsulated node says about a request."""
-    header = request.header if isinstance(request, Image) else request
-    return Detections(header, objects, "detector", by)
-
-
 @dataclass(frozen=True)
 class Lanes:
     """An answer that holds no objects, such as a lane detector's."""

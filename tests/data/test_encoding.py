@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.data import sources
 from genie_sim.data.encoding import difference_hash
-from tests.data.traces import trace
+from tests.make import trace
 
 
 @pytest.mark.parametrize("grey", [0, 77, 255])

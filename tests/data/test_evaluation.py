@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.kitti.labels import ObjectLabel, PictureLabels, read_labels
-from genie_sim.data.trace import Trace, TraceFrame, read_trace
+from genie_sim.data.trace import Trace, read_trace
 from tests.kitti_folder import DATE, make_drive
+from tests.make import trace_frame
 from tools.make.evaluation import evaluate, iou, table
 
 BOX = (100.0, 100.0, 200.0, 160.0)
@@ -26,9 +27,7 @@ PLACE = (20.0, 0.0, 0.0)
 
 def frame(*detections, index=0, camera="02"):
     pose = CameraPose(0.0, 0.0, 0.0, 0.0)
-    return TraceFrame(
-        camera, index, index * 10**8, 1242, 375, 1, "", 0, pose, 1.4, tuple(detections)
-    )
+    return trace_frame(camera, index, stamp_ns=index * 10**8, pose=pose, detections=detections)
 
 
 def car(score, box=BOX, location=PLACE, label="car", method="scan"):

@@ -17,7 +17,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.trace import read_trace, sequence_of, write_trace
-from tests.data.traces import KARLSRUHE, frame, trace
+from tests.make import KARLSRUHE, trace, trace_frame
 
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parquet"
 
@@ -57,8 +57,8 @@ def test_digest_follows_the_content_only():
     original = trace()
     assert replace(original, name="other", provenance={}).digest == original.digest
     moved_box = replace(original.frames["02"][0].detections[0], box=(10.0, 20.0, 60.0, 50.01))
-    changed = frame(detections=(moved_box,))
-    assert trace(**{"02": (changed,)}).digest != trace(**{"02": (frame(),)}).digest
+    changed = trace_frame(detections=(moved_box,))
+    assert trace(**{"02": (changed,)}).digest != trace(**{"02": (trace_frame(),)}).digest
     assert (
         replace(original, frames=dict(reversed(original.frames.items()))).digest == original.digest
     )
@@ -179,29 +179,42 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
 @pytest.mark.parametrize(
     ("frames", "message"),
     [
-        ((frame(index=1), frame(index=0)), "frame 0: stamp_ns 0 does not follow 103380000"),
-        ((frame(pose=CameraPose(0.0, math.nan, 0.0, 0.0)),), "pose"),
-        ((frame(pose=CameraPose(0.0, 0.0, 0.0, 1e308)),), "is no place on Earth .* and a heading"),
-        ((frame(pose=CameraPose(1e308, 0.0, 0.0, 0.0)),), "is no place on Earth"),
-        ((frame(stamp_ns=-1),), "stamp_ns"),
-        ((frame(width=0),), "width"),
-        ((frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
-        ((frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),), "car"),
         (
-            (frame(detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)),),
+            (trace_frame(index=1), trace_frame(index=0)),
+            "frame 0: stamp_ns 0 does not follow 103380000",
+        ),
+        ((trace_frame(pose=CameraPose(0.0, math.nan, 0.0, 0.0)),), "pose"),
+        (
+            (trace_frame(pose=CameraPose(0.0, 0.0, 0.0, 1e308)),),
+            "is no place on Earth .* and a heading",
+        ),
+        ((trace_frame(pose=CameraPose(1e308, 0.0, 0.0, 0.0)),), "is no place on Earth"),
+        ((trace_frame(stamp_ns=-1),), "stamp_ns"),
+        ((trace_frame(width=0),), "width"),
+        ((trace_frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
+        (
+            (trace_frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),),
             "car",
         ),
-        ((frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
         (
-            (frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
+            (
+                trace_frame(
+                    detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)
+                ),
+            ),
+            "car",
+        ),
+        ((trace_frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
+        (
+            (trace_frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
             "a car whose score",
         ),
         (
-            (frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
+            (trace_frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
             "without a label",
         ),
         (
-            (frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),),
+            (trace_frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),),
             "a car whose score",
         ),
     ],
@@ -221,7 +234,7 @@ def test_parameters_that_are_no_mapping_are_refused(path):
 
 def test_a_detection_may_have_no_box(path):
     boxless = trace(
-        **{"02": (frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)}
+        **{"02": (trace_frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)}
     )
     write_trace(path, boxless)
     assert read_trace(path).frames == boxless.frames
@@ -250,7 +263,7 @@ def test_the_shipped_trace_is_the_whole_drive():
 
 def lidar_frame(index=0, **changes):
     scan = {"kind": "lidar", "width": 0, "height": 0, "horizontal_fov_rad": 6.283185}
-    return frame("lidar", index, **(scan | changes))
+    return trace_frame("lidar", index, **(scan | changes))
 
 
 def test_a_lidar_looks_all_around_and_has_no_picture(path):
@@ -259,12 +272,13 @@ def test_a_lidar_looks_all_around_and_has_no_picture(path):
     again = read_trace(path)
     assert again == original and again.frames["lidar"][0].kind == "lidar"
     assert (
-        trace(lidar=(frame("lidar"),)).digest != trace(lidar=(frame("lidar", kind="lidar"),)).digest
+        trace(lidar=(trace_frame("lidar"),)).digest
+        != trace(lidar=(trace_frame("lidar", kind="lidar"),)).digest
     )
 
 
 def test_a_trace_of_cameras_has_no_column_for_their_kind(path):
-    write_trace(path, trace(front=(frame("front"),)))
+    write_trace(path, trace(front=(trace_frame("front"),)))
     assert "kind" not in pq.ParquetFile(path).schema_arrow.names
     assert read_trace(path).frames["front"][0].kind == "camera"
 
@@ -272,12 +286,12 @@ def test_a_trace_of_cameras_has_no_column_for_their_kind(path):
 @pytest.mark.parametrize(
     ("bad", "field"),
     [
-        (frame(kind="radar"), "known: camera, lidar"),
-        (frame(horizontal_fov_rad=3.2), "horizontal_fov_rad"),
+        (trace_frame(kind="radar"), "known: camera, lidar"),
+        (trace_frame(horizontal_fov_rad=3.2), "horizontal_fov_rad"),
         (lidar_frame(horizontal_fov_rad=6.3), "horizontal_fov_rad"),
         (lidar_frame(width=10), "width"),
         (lidar_frame(size_bytes=0), "size_bytes"),
-        (frame(height=0), "height"),
+        (trace_frame(height=0), "height"),
     ],
 )
 def test_impossible_sensors_are_refused(path, bad, field):

@@ -7,7 +7,6 @@ from typing import Any
 
 from genie_sim.base.seeds import Draws
 from genie_sim.core.messages import (
-    CameraPose,
     Detection,
     Detections,
     Header,
@@ -17,8 +16,7 @@ from genie_sim.core.messages import (
 from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, HostContext, Interceptor
 from genie_sim.tracks.laws import ASSUMED
 from genie_sim.tracks.track import Motion
-
-MS = 1_000_000
+from tests.make import MS
 
 
 def host(name: str) -> HostContext:
@@ -37,17 +35,6 @@ def host(name: str) -> HostContext:
 def made(method: Any, name: str) -> Interceptor:
     """The interceptor of a car under a method."""
     return method.on_car(host(name)).interceptor((IMAGES,), (OBJECTS,))
-
-
-def image(car: str, ms: int, east_m: float = 0.0) -> Image:
-    """It looks east."""
-    pose = CameraPose(east_m, 0.0, 1.6, 0.0)
-    return Image(Header(ms * MS, "camera", car), 1_000, "", 0, pose, 1.4)
-
-
-def seen(label: str, east_m: float, north_m: float = 0.0) -> Detection:
-    """What a detector finds."""
-    return Detection(label, 0.9, None, (east_m, north_m, 0.0), 0.9, "scan")
 
 
 def thing(

@@ -13,7 +13,8 @@ import genie_sim as gs
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection, Header
 from tests.conformance.methods import MethodConformance
-from tests.examples.broadcasting import MS, image, made, seen, thing, watch
+from tests.examples.broadcasting import made, thing, watch
+from tests.make import MS, frame, seen
 
 
 @pytest.mark.parametrize("method", ["autocast:AutoCast"])
@@ -75,9 +76,9 @@ def test_the_schedule_takes_the_most_value_for_its_bytes():
 
 def test_near_and_large_objects_take_more_bytes():
     """At 20 m a car of 2 m x 1.5 m is 32 x 11 points, each 6 bytes."""
-    assert points_bytes(seen("car", 0.0), 20.0) == 32 * 11 * 6
-    assert points_bytes(seen("car", 0.0), 40.0) < points_bytes(seen("car", 0.0), 20.0) / 3
-    assert points_bytes(seen("person", 0.0), 20.0) < points_bytes(seen("car", 0.0), 20.0)
+    assert points_bytes(seen(0.0), 20.0) == 32 * 11 * 6
+    assert points_bytes(seen(0.0), 40.0) < points_bytes(seen(0.0), 20.0) / 3
+    assert points_bytes(seen(0.0, label="person"), 20.0) < points_bytes(seen(0.0), 20.0)
 
 
 def test_a_car_sends_what_another_does_not_see_within_its_budget():
@@ -88,8 +89,8 @@ def test_a_car_sends_what_another_does_not_see_within_its_budget():
     def sent(begin_ms: int, *of_other: Detection) -> set[float]:
         if of_other:
             car.on_message(TOPIC, cast(*of_other, ms=begin_ms), begin_ms * MS, "car9")
-        frames = [image("car1", ms) for ms in range(begin_ms, begin_ms + 500, 100)]
-        objects = seen("car", 20.0), seen("car", 30.0, 5.0)
+        frames = [frame(ms / 1000) for ms in range(begin_ms, begin_ms + 500, 100)]
+        objects = seen(20.0), seen(30.0, 5.0)
         casts, _ = watch(car, frames, objects, TOPIC)
         assert len(casts) == 5, "a beacon every interval"
         last = casts[-1]
@@ -106,8 +107,8 @@ def test_a_car_sends_what_another_does_not_see_within_its_budget():
 def test_a_budget_keeps_objects_back():
     car = made(AutoCast(budget_bytes=1_100), "car1")
     car.on_message(TOPIC, cast(), 0, "car9")
-    frames = [image("car1", ms) for ms in range(0, 800, 100)]
-    casts, _ = watch(car, frames, (seen("car", 20.0), seen("car", 30.0, 5.0)), TOPIC)
+    frames = [frame(ms / 1000, (0.0, 0.0)) for ms in range(0, 800, 100)]
+    casts, _ = watch(car, frames, (seen(20.0), seen(30.0, 5.0)), TOPIC)
     (item,) = casts[-1].objects.values()
     assert round(item.location[0]) == 30, "the near one has 2112 bytes"
     size_bytes = points_bytes(item, 30.4)
@@ -117,27 +118,27 @@ def test_a_budget_keeps_objects_back():
 def test_a_random_order_does_not_ask_who_needs_an_object():
     """Nobody is there, and there is room for one of two."""
     car = made(AutoCast(budget_bytes=1_100, order="random"), "car1")
-    frames = [image("car1", ms) for ms in range(0, 3_000, 100)]
-    casts, _ = watch(car, frames, (seen("car", 30.0), seen("car", 30.0, 5.0)), TOPIC)
+    frames = [frame(ms / 1000) for ms in range(0, 3_000, 100)]
+    casts, _ = watch(car, frames, (seen(30.0), seen(30.0, 5.0)), TOPIC)
     sent = [tuple(one.objects) for one in casts if len(one.sees) == 2]
     assert all(len(keys) == 1 for keys in sent) and len(set(sent)) == 2
 
 
 def test_what_another_has_just_sent_is_left_out():
     """Both see what a third does not."""
-    car, parked = made(AutoCast(), "car1"), (seen("car", 30.0),)
+    car, parked = made(AutoCast(), "car1"), (seen(30.0),)
     car.on_message(TOPIC, cast(), 0, "car9")
-    watch(car, [image("car1", ms) for ms in range(0, 800, 100)], parked, TOPIC)
+    watch(car, [frame(ms / 1000) for ms in range(0, 800, 100)], parked, TOPIC)
     other = cast(thing("car", (30.0, 0.0), 750, "car8"), by="car8", ms=790)
     told = Cast(other.header, 121, other.sees, other.pose, other.velocity_mps, other.sees)
     car.on_message(TOPIC, told, 790 * MS, "car8")
-    (now,), _ = watch(car, [image("car1", 800)], parked, TOPIC)
-    (later,), _ = watch(car, [image("car1", 980)], parked, TOPIC)
+    (now,), _ = watch(car, [frame(0.8)], parked, TOPIC)
+    (later,), _ = watch(car, [frame(0.98)], parked, TOPIC)
     assert (len(now.objects), len(later.objects)) == (0, 1)
 
 
 def test_a_car_tells_how_fast_it_is():
-    frames = [image("car1", ms, east_m=ms / 100) for ms in (0, 100, 200)]
+    frames = [frame(ms / 1000, at=(ms / 100, 0.0)) for ms in (0, 100, 200)]
     casts, _ = watch(made(AutoCast(), "car1"), frames, (), TOPIC)
     assert [one.velocity_mps for one in casts] == [(0.0, 0.0), (10.0, 0.0), (10.0, 0.0)]
 

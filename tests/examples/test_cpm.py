@@ -17,7 +17,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detection, Header
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
-from tests.examples.broadcasting import MS, host, image, made, seen, thing, watch
+from tests.examples.broadcasting import host, made, thing, watch
+from tests.make import MS, frame, seen
 
 
 @pytest.mark.parametrize("method", ["cpm:CPM"])
@@ -94,8 +95,8 @@ def test_messages_have_the_bytes_of_their_objects_and_come_once_a_second():
     """Two parked cars: told when they are new, and a second later. Until then there is nothing to
     tell.
     """
-    frames = [image("car1", ms) for ms in range(0, 3_000, 100)]
-    told, _ = watch(made(CPM(), "car1"), frames, (seen("car", 20.0), seen("car", 30.0, 5.0)), TOPIC)
+    frames = [frame(ms / 1000) for ms in range(0, 3_000, 100)]
+    told, _ = watch(made(CPM(), "car1"), frames, (seen(20.0), seen(30.0, 5.0)), TOPIC)
     assert all(one.size_bytes == 121 + 35 * len(one.objects) for one in told)
     assert (len(told[0].objects), told[0].size_bytes) == (0, 121)
     of_two = [one.header.stamp_ns // MS for one in told if len(one.objects) == 2]
@@ -105,7 +106,7 @@ def test_messages_have_the_bytes_of_their_objects_and_come_once_a_second():
 
 @pytest.mark.parametrize(("every_ms", "most"), [(100, 30), (500, 6)])
 def test_messages_keep_their_interval(every_ms: int, most: int):
-    frames = [image("car1", ms) for ms in range(0, 3_000, 100)]
+    frames = [frame(ms / 1000) for ms in range(0, 3_000, 100)]
     method = CPM(every_ns=every_ms * MS, longest_ns=every_ms * MS)
     told, _ = watch(made(method, "car1"), frames, (), TOPIC)
     assert len(told) == most
@@ -154,8 +155,8 @@ def test_an_answer_has_what_the_car_saw_and_what_it_heard_but_for_itself():
     car = made(CPM(), "car1")
     behind, itself = thing("car", (-30.0, 0.0), 900), thing("car", (1.0, 0.0), 900)
     car.on_message(TOPIC, heard_from(behind, itself), 950 * MS, "car9")
-    frames = [image("car1", ms) for ms in range(500, 1_500, 100)]
-    _, answers = watch(car, frames, (seen("person", 12.0),), TOPIC)
+    frames = [frame(ms / 1000) for ms in range(500, 1_500, 100)]
+    _, answers = watch(car, frames, (seen(12.0, label="person"),), TOPIC)
     places = {item.label: item.location[0] for item in answers[-1].objects}
     assert places == pytest.approx({"person": 12.0, "car": -30.0})
     assert answers[-1].valid_ns == 1_450 * MS and answers[-1].is_fresh
@@ -166,14 +167,14 @@ def test_of_what_the_car_saw_and_heard_of_the_newest_counts(heard_ms: int, east_
     """It sees a parked car at 20 m until 1.4 s; another says 21.5 m."""
     car = made(CPM(), "car1")
     car.on_message(TOPIC, heard_from(thing("car", (21.5, 0.0), heard_ms)), 600 * MS, "car9")
-    frames = [image("car1", ms) for ms in range(500, 1_500, 100)]
-    _, answers = watch(car, frames, (seen("car", 20.0),), TOPIC)
+    frames = [frame(ms / 1000) for ms in range(500, 1_500, 100)]
+    _, answers = watch(car, frames, (seen(20.0),), TOPIC)
     (held,) = answers[-1].objects
     assert held.location[0] == pytest.approx(east_m)
 
 
 def test_what_others_have_told_is_not_told_again_where_this_is_wanted():
-    parked, frames = (seen("car", 20.0),), [image("car1", ms) for ms in range(0, 1_000, 100)]
+    parked, frames = (seen(20.0),), [frame(ms / 1000) for ms in range(0, 1_000, 100)]
 
     def told(**settings: int) -> int:
         car = made(CPM(**settings), "car1")
@@ -186,9 +187,9 @@ def test_what_others_have_told_is_not_told_again_where_this_is_wanted():
 
 def test_what_the_car_has_not_seen_for_long_is_not_told():
     """A parked car, passed by at 1 s: its track stays, and is told no more."""
-    car, parked = made(CPM(), "car1"), (seen("car", 20.0),)
-    watch(car, [image("car1", ms) for ms in range(0, 1_000, 100)], parked, TOPIC)
-    frames = [image("car1", ms, east_m=50.0) for ms in range(1_000, 5_000, 100)]
+    car, parked = made(CPM(), "car1"), (seen(20.0),)
+    watch(car, [frame(ms / 1000) for ms in range(0, 1_000, 100)], parked, TOPIC)
+    frames = [frame(ms / 1000, at=(50.0, 0.0)) for ms in range(1_000, 5_000, 100)]
     told, answers = watch(car, frames, (), TOPIC)
     assert [one.header.stamp_ns // MS for one in told if one.objects] == [1_100, 2_100]
     assert len(answers[-1].objects) == 1

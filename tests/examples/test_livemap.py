@@ -8,11 +8,9 @@ from livemap import WAYS, Controller, MapServer, Reporter, Told
 import genie_sim as gs
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import (
-    CameraPose,
     Detection,
     Detections,
     Expired,
-    Header,
     Image,
     Look,
     Publish,
@@ -23,6 +21,7 @@ from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, REMOTE
 from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
+from tests.make import frame, seen
 
 MS = 1_000_000
 
@@ -30,15 +29,6 @@ MS = 1_000_000
 @pytest.mark.parametrize("method", ["livemap:LiveMap"])
 class TestConformance(MethodConformance):
     pass
-
-
-def frame(stamp_ms: int, car: str = "car1", east_m: float = 0.0) -> Image:
-    pose = CameraPose(east_m, 0.0, 1.6, 0.0)
-    return Image(Header(stamp_ms * MS, "02", car), 1, "", 0, pose, 1.4)
-
-
-def seen(east_m: float, north_m: float = 0.0) -> Detection:
-    return Detection("car", 0.9, None, (east_m, north_m, 0.0), 0.9, "scan")
 
 
 def told(east_m: float, *others: str) -> Told:
@@ -52,7 +42,7 @@ def controller(where: str = "faster", others: int = 0) -> Controller:
 def tried() -> Controller:
     """Both ways were tried: 300 ms on board, 150 ms at the edge."""
     both = controller()
-    first, second = frame(0), frame(100)
+    first, second = frame(0), frame(0.1)
     assert both.way(first, 0) == LOCAL
     assert both.way(second, 100 * MS) == REMOTE
     both.came(Detections(second.header, ()), 250 * MS)
@@ -62,37 +52,37 @@ def tried() -> Controller:
 
 def test_both_ways_are_tried_then_the_faster_one_is_taken():
     both = tried()
-    assert both.way(frame(300), 300 * MS) == REMOTE
+    assert both.way(frame(0.3), 300 * MS) == REMOTE
 
 
 def test_a_frame_is_left_out_while_its_way_is_busy():
     both = tried()
-    both.way(frame(300), 300 * MS)
-    assert both.way(frame(400), 400 * MS) is None
+    both.way(frame(0.3), 300 * MS)
+    assert both.way(frame(0.4), 400 * MS) is None
 
 
 def test_a_frame_that_takes_long_speaks_against_its_way():
     both = tried()
-    both.way(frame(300), 300 * MS)
-    assert both.way(frame(601), 601 * MS) == LOCAL  # 301 ms so far, against 300 ms
+    both.way(frame(0.3), 300 * MS)
+    assert both.way(frame(0.601), 601 * MS) == LOCAL  # 301 ms so far, against 300 ms
 
 
 def test_the_slower_way_is_tried_again_after_a_second():
     both = tried()
     for stamp_ms in (300, 600, 900):
-        image = frame(stamp_ms)
+        image = frame(stamp_ms / 1000)
         assert both.way(image, stamp_ms * MS) == REMOTE
         both.came(Detections(image.header, ()), (stamp_ms + 150) * MS)
-    assert both.way(frame(1050), 1050 * MS) == LOCAL
+    assert both.way(frame(1.05), 1050 * MS) == LOCAL
 
 
 def test_a_map_that_nobody_asked_for_is_no_answer():
     at_edge, image = controller("edge"), frame(0)
     at_edge.way(image, 0)
     at_edge.came(Detections(image.header, (), "map"), 100 * MS)
-    assert at_edge.way(frame(100), 100 * MS) is None
+    assert at_edge.way(frame(0.1), 100 * MS) is None
     at_edge.came(Detections(image.header, ()), 150 * MS)
-    assert at_edge.way(frame(200), 200 * MS) == REMOTE
+    assert at_edge.way(frame(0.2), 200 * MS) == REMOTE
 
 
 @pytest.mark.parametrize(
@@ -107,17 +97,17 @@ def test_a_map_that_nobody_asked_for_is_no_answer():
 def test_a_frame_is_left_out_if_others_see_all_of_it(objects: list[Detection], way: str | None):
     car = controller("edge", others=1)
     car.came(Detections(frame(0).header, tuple(objects), "map"), 0)
-    assert car.way(frame(100), 100 * MS) == way
+    assert car.way(frame(0.1), 100 * MS) == way
 
 
 def test_what_is_found_on_board_goes_up_as_a_look():
     car, image = Reporter("car1/reporter", controller("car"), (IMAGES,), (OBJECTS,)), frame(0)
     assert car.on_message(IMAGES, image, 0) == [Publish(IMAGES + LOCAL, image)]
-    assert car.on_message(IMAGES, frame(100), 100 * MS) == [Expired(frame(100).header)]
+    assert car.on_message(IMAGES, frame(0.1), 100 * MS) == [Expired(frame(0.1).header)]
     answer = Detections(image.header, (seen(20),))
     (up,) = car.on_message(OBJECTS + LOCAL, answer, 300 * MS)
     assert up.topic == IMAGES + REMOTE
-    assert up.message.look == Look(image.header, image.pose, 1.4, (seen(20),))
+    assert up.message.look == Look(image.header, image.pose, image.horizontal_fov_rad, (seen(20),))
     assert up.message.objects == () and up.message.size_bytes < 300
     new_map = Detections(image.header, (seen(20), seen(-10)))
     assert car.on_message(OBJECTS + REMOTE, new_map, 350 * MS) == [Publish(OBJECTS, new_map)]
@@ -141,7 +131,7 @@ def places(new_map: Detections) -> list[tuple[float, float]]:
 
 
 def test_the_map_combines_what_two_cars_see_and_goes_to_both():
-    edge, first, second = server(), frame(0), frame(50, "car2", east_m=10.0)
+    edge, first, second = server(), frame(0), frame(0.05, at=(10.0, 0.0), car="car2")
     (own,) = look(edge, first, seen(20), now_ms=80)
     assert own.header == first.header and own.source == "detector" and places(own) == [(20, 0)]
     of_first, own = look(edge, second, seen(20.4), seen(40), now_ms=200)
@@ -155,7 +145,7 @@ def test_the_map_combines_what_two_cars_see_and_goes_to_both():
 
 def test_objects_found_on_board_are_combined_too():
     edge, image = server(), frame(0)
-    found = Look(image.header, image.pose, 1.4, (seen(20),))
+    found = Look(image.header, image.pose, image.horizontal_fov_rad, (seen(20),))
     (answer,) = edge.on_message(IMAGES, Detections(image.header, ()).with_look(found, None), 0)
     assert places(answer.message) == [(20, 0)] and answer.message.look is None
 
@@ -163,16 +153,18 @@ def test_objects_found_on_board_are_combined_too():
 def test_a_car_is_told_of_others_at_most_every_so_often():
     edge = server(every_ms=100)
     look(edge, frame(0), now_ms=0)
-    assert len(look(edge, frame(0, "car2"), now_ms=50)) == 1
-    assert len(look(edge, frame(50, "car2"), now_ms=99)) == 1
-    assert len(look(edge, frame(60, "car2"), now_ms=100)) == 2
-    assert len(look(edge, frame(2100, "car2"), now_ms=2100)) == 1, "car1 is gone"
+    assert len(look(edge, frame(0, car="car2"), now_ms=50)) == 1
+    assert len(look(edge, frame(0.05, car="car2"), now_ms=99)) == 1
+    assert len(look(edge, frame(0.06, car="car2"), now_ms=100)) == 2
+    assert len(look(edge, frame(2.1, car="car2"), now_ms=2100)) == 1, "car1 is gone"
 
 
 def test_a_car_is_not_told_of_itself_and_of_what_is_far():
     edge = server()
     look(edge, frame(0), now_ms=0)
-    maps = look(edge, frame(0, "car2", -40.0), seen(1.0), seen(10), seen(70), now_ms=150)
+    maps = look(
+        edge, frame(0, at=(-40.0, 0.0), car="car2"), seen(1.0), seen(10), seen(70), now_ms=150
+    )
     (of_first,) = (one for one in maps if one.source == "map")
     assert places(of_first) == [(10, 0)]
 
@@ -182,19 +174,19 @@ def test_a_car_is_not_told_of_what_is_hardly_there():
     (first,) = look(edge, frame(0), seen(20), now_ms=0)
     assert first.objects == ()
     for stamp_ms in (100, 200, 300):  # seen again and again
-        (last,) = look(edge, frame(stamp_ms), seen(20), now_ms=stamp_ms)
+        (last,) = look(edge, frame(stamp_ms / 1000), seen(20), now_ms=stamp_ms)
     assert places(last) == [(20, 0)]
 
 
 def test_the_map_names_the_other_cars_that_saw_an_object_lately():
     edge = server()
     look(edge, frame(0), seen(20), now_ms=0)
-    maps = look(edge, frame(500, "car2"), seen(20), now_ms=500)
+    maps = look(edge, frame(0.5, car="car2"), seen(20), now_ms=500)
     assert {one.header.origin: one.objects[0].others for one in maps} == {
         "car1": ("car2",),
         "car2": ("car1",),
     }
-    maps = look(edge, frame(1000, "car2"), seen(20), now_ms=1000)
+    maps = look(edge, frame(1, car="car2"), seen(20), now_ms=1000)
     assert {one.header.origin: one.objects[0].others for one in maps} == {
         "car1": ("car2",),
         "car2": (),  # a second ago is no longer lately

@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.core.messages import CameraPose, Detections, Header, Image, Publish
+from genie_sim.core.messages import Publish
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
+from tests.make import answer, frame
 
 REPLICATED = "replicated:Replicated"
 FLAT = {"model": "wire", "rate_up": "1 Gbit/s", "rate_down": "1 Gbit/s", "delay": "10 ms"}
@@ -25,10 +26,6 @@ class TestReplicated(MethodConformance):
     pass
 
 
-def image(number: int) -> Image:
-    return Image(Header(number, "front", "car1"), 1, "", 0, CameraPose(0.0, 0.0, 0.0, 0.0), 1.0)
-
-
 def first_answer() -> Any:
     from replicated import FirstAnswer
 
@@ -38,10 +35,10 @@ def first_answer() -> Any:
 def test_the_first_answer_to_each_frame_passes_and_later_ones_do_not():
     node = first_answer()
     for number in (1, 2):
-        assert node.on_message("images", image(number), 0) == [
-            Publish("images-remote", image(number))
+        assert node.on_message("images", frame(number), 0) == [
+            Publish("images-remote", frame(number))
         ]
-    early, late = (Detections(Header(number, "front", "car1"), ()) for number in (1, 2))
+    early, late = (answer(frame(number)) for number in (1, 2))
     told = [node.on_message("objects-remote", one, 0) for one in (late, early, late, early, early)]
     assert told == [[Publish("objects", late)], [Publish("objects", early)], [], [], []]
 
@@ -51,9 +48,9 @@ def test_it_remembers_a_bounded_number_of_frames():
 
     node = first_answer()
     for number in range(3 * REMEMBERED):
-        assert node.on_message("objects-remote", Detections(image(number).header, ()), 0)
+        assert node.on_message("objects-remote", answer(frame(number)), 0)
     assert len(node._answered) == REMEMBERED
-    assert not node.on_message("objects-remote", Detections(image(number).header, ()), 0)
+    assert not node.on_message("objects-remote", answer(frame(number)), 0)
 
 
 def world(methods: list[Any], **settings: Any) -> Any:

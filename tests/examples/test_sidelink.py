@@ -12,7 +12,7 @@ from genie_sim.core.messages import Detections, Image, Message, Publish
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, HostContext, Interceptor, Method
 from genie_sim.sim.network import Network
 from genie_sim.sim.world import World
-from tests.sim.street import build, scenario, street
+from tests.make import build, scenario, street
 
 TOLD = "/told"
 HEARD: dict[str, list[tuple[int, str]]] = {}  # by the host: when it heard of whose frames

@@ -8,12 +8,8 @@ from track_or_detect import DriftPlusPenalty, EveryNth, Handler
 import genie_sim as gs
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import (
-    CameraPose,
-    Detection,
     Detections,
     Expired,
-    Header,
-    Image,
     Publish,
 )
 from genie_sim.runs.folder import run_in_memory
@@ -22,9 +18,10 @@ from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
+from tests.make import frame, seen
 
 MS = 1_000_000
-CAR = Detection("car", 0.9, None, (20.0, 0.0, 0.0), 0.9, "scan")
+CAR = seen()
 
 
 @pytest.mark.parametrize(
@@ -81,13 +78,8 @@ def handler(every: int) -> Handler:
     return Handler("car1/tracker", (EveryNth(every), tracks), (IMAGES,), (OBJECTS,))
 
 
-def frame(stamp_ms: int) -> Image:
-    pose = CameraPose(0.0, 0.0, 1.6, 0.0)
-    return Image(Header(stamp_ms * MS, "02", "car1"), 1, "", 0, pose, 1.4)
-
-
 def test_frames_wait_for_the_one_at_the_edge_and_are_answered_in_order():
-    car, frames = handler(every=3), [frame(0), frame(100), frame(200), frame(300)]
+    car, frames = handler(every=3), [frame(0), frame(0.1), frame(0.2), frame(0.3)]
     assert car.on_message(IMAGES, frames[0], 0) == [Publish(IMAGES + REMOTE, frames[0])]
     assert car.on_message(IMAGES, frames[1], 100 * MS) == []
     assert car.on_message(IMAGES, frames[2], 200 * MS) == []
@@ -115,7 +107,7 @@ def test_a_frame_whose_answer_is_lost_is_tracked_after_a_second():
 
 
 def test_a_crash_takes_the_frames_that_wait():
-    car, waits = handler(every=1), frame(100)
+    car, waits = handler(every=1), frame(0.1)
     car.on_message(IMAGES, frame(0), 0)
     car.on_message(IMAGES, waits, 100 * MS)
     assert car.on_memory_lost() == [Expired(waits.header)]

@@ -11,9 +11,10 @@ import pytest
 import genie_sim as gs
 from genie_sim.base.features import DIMENSION, UNIT
 from genie_sim.base.seeds import Draws, stream
-from genie_sim.core.messages import CameraPose, Detection, Detections, Header
+from genie_sim.core.messages import CameraPose, Detections, Header
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
+from tests import make
 from tests.conformance.methods import MethodConformance
 
 
@@ -40,8 +41,7 @@ def key(number: int, cosine: float = 1.0) -> FeatureKey:
 
 
 def answer(number: int, *east_m: float) -> Detections:
-    seen = tuple(Detection("car", 0.9, None, (east, 0.0, 0.0), 0.9) for east in east_m)
-    return Detections(Header(number, "front", "car1"), seen)
+    return make.answer(Header(number, "front", "car1"), *map(make.seen, east_m))
 
 
 def cache(draw: float = 0.0, **settings: Any) -> Any:

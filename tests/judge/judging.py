@@ -13,9 +13,7 @@ from genie_sim.core.messages import CameraPose, Detection, Detections, Header, I
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.record.records import HELD
 from genie_sim.record.tables import Table
-
-SECOND = 1_000_000_000
-
+from tests.make import S
 
 POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
 
@@ -28,10 +26,6 @@ class Thing(NamedTuple):
 
 def thing(label: str, east_m: float, north_m: float = 0.0, moving: bool = False) -> Thing:
     return Thing(label, (east_m, north_m, 0.8), moving)
-
-
-def one(label: str, east_m: float, north_m: float = 0.0) -> Detection:
-    return Detection(label, 0.9, None, (east_m, north_m, 0.0), 0.9, "made up")
 
 
 @dataclass(frozen=True)
@@ -89,10 +83,10 @@ def judged(
     table = Table(HELD)
     judge = MapAccuracy("genie", {"car1": Street()}, table, earlier_cars, objects=objects)
     for number, (frame, answer) in enumerate(steps):
-        header = Header(number * SECOND // 10, "camera_02", "car1")
+        header = Header(number * S // 10, "camera_02", "car1")
         judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))
         if answer is not None:
-            judge.answered(Detections(header, tuple(answer)), header.stamp_ns + SECOND // 20)
+            judge.answered(Detections(header, tuple(answer)), header.stamp_ns + S // 20)
     judge.close()
     rows = table.to_frame()
     return rows[rows["what"] == what].to_dict("records")

@@ -20,17 +20,10 @@ from genie_sim.record.tables import Table
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import Scenario
-from tests.made_up_run import METHODS
+from tests.make import METHODS, S, seen
 
-SECOND = 1_000_000_000
 HEADER = Header(500, "camera_02", "car1")
 POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
-
-
-def one(label: str, east_m: float | None, north_m: float = 0.0) -> Detection:
-    return Detection(
-        label, 0.9, None, None if east_m is None else (east_m, north_m, 0.0), 0.9, "made up"
-    )
 
 
 @dataclass
@@ -55,23 +48,23 @@ def compared(
 
 
 def test_pairs_are_of_one_class_and_at_most_two_metres_apart():
-    detected = [one("car", 10.0), one("person", 20.0), one("car", 30.0)]
-    served = [one("car", 12.0), one("person", 22.1), one("bicycle", 30.0)]
+    detected = [seen(10.0), seen(20.0, label="person"), seen(30.0)]
+    served = [seen(12.0), seen(22.1, label="person"), seen(30.0, label="bicycle")]
     assert SAME_M == 2.0
     assert compared(detected, ("map", served)) == [("first", "map", 3, 3, 1)]
 
 
 def test_a_truck_is_found_as_a_car():
-    assert compared([one("truck", 10.0)], ("map", [one("bus", 11.0)])) == [
+    assert compared([seen(10.0, label="truck")], ("map", [seen(11.0, label="bus")])) == [
         ("first", "map", 1, 1, 1)
     ]
 
 
 def test_each_object_is_paired_once_and_the_nearest_first():
-    ours = placed([one("car", 10.0), one("car", 11.5)])
-    assert pairs(near(ours, placed([one("car", 11.0)]), SAME_M)) == [(pytest.approx(0.5**2), 1, 0)]
-    twins = [one("car", 10.0), one("car", 10.5), one("car", 11.0)]
-    assert compared([one("car", 10.4)], ("map", twins)) == [("first", "map", 3, 1, 1)]
+    ours = placed([seen(10.0), seen(11.5)])
+    assert pairs(near(ours, placed([seen(11.0)]), SAME_M)) == [(pytest.approx(0.5**2), 1, 0)]
+    twins = [seen(10.0), seen(10.5), seen(11.0)]
+    assert compared([seen(10.4)], ("map", twins)) == [("first", "map", 3, 1, 1)]
 
 
 def test_ties_are_broken_by_the_order_of_the_lists():
@@ -86,10 +79,10 @@ def test_answers_are_compared_in_windows_of_any_size_as_one_by_one(window: int):
     def some() -> list[Detection]:
         places = [(rng.uniform(0.0, 9.0), rng.uniform(0.0, 3.0)) for _ in range(rng.randrange(6))]
         return [
-            one(
-                rng.choice(["car", "truck", "person"]),
+            seen(
                 None if rng.random() < 0.1 else east_m,
                 north_m,
+                label=rng.choice(["car", "truck", "person"]),
             )
             for east_m, north_m in places
         ]
@@ -111,14 +104,14 @@ def test_answers_are_compared_in_windows_of_any_size_as_one_by_one(window: int):
 
 
 def test_objects_without_a_place_are_never_counted():
-    detected = [one("car", 10.0), one("car", None)]
+    detected = [seen(10.0), seen(None)]
     same = compared(detected, ("own_detector", detected))
     assert same == [("first", "own_detector", 1, 1, 1), ("result", "own_detector", 1, 1, 1)]
-    assert compared(detected, ("map", [one("car", None)])) == [("first", "map", 0, 1, 0)]
+    assert compared(detected, ("map", [seen(None)])) == [("first", "map", 0, 1, 0)]
 
 
 def test_first_answer_and_result_are_each_judged_once():
-    detected = [one("car", 10.0)]
+    detected = [seen(10.0)]
     answers = ("map", []), ("own_cache", detected), ("edge_detector", [])
     assert compared(detected, *answers) == [
         ("first", "map", 0, 1, 0),
@@ -133,7 +126,7 @@ def values(*rows: Row) -> dict[tuple[str, str], tuple[float | None, int]]:
     """Of a row a second: which, source, served, detected, matched."""
     made = Table(ANSWERS)
     for number, (which, source, *counts) in enumerate(rows):
-        made.append(("genie", "car1", "camera_02", number * SECOND, which, source, *counts))
+        made.append(("genie", "car1", "camera_02", number * S, which, source, *counts))
     found = metrics.compute(METHODS[-1:], {"answers": made.columns()})
     return {(metric.metric, metric.placement): (metric.value, metric.n) for metric in found}
 

@@ -36,12 +36,13 @@ from genie_sim.report.output import Output
 from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import Scenario
-from tests.judge.judging import POSE, SECOND, Frame, Step, Street, judged, last, one, thing
+from tests.judge.judging import POSE, Frame, Step, Street, judged, last, thing
+from tests.make import S, seen
 
 
 def test_a_parked_car_stays_right():
     frame = Frame([thing("car", 20.0)])
-    rows = judged((frame, [one("car", 21.0)]), (frame, None), (frame, None))
+    rows = judged((frame, [seen(21.0)]), (frame, None), (frame, None))
     counts = [
         (row["held"], row["right"], row["visible_static"], row["found_static"]) for row in rows
     ]
@@ -57,14 +58,14 @@ def test_ghosts_have_one_cause_each():
         [thing("car", 20.0, moving=True), thing("person", 15.0)], hidden=[thing("car", 30.0)]
     )
     answer = [
-        one("car", 10.0),
-        one("person", 15.0),
-        one("person", 16.5),
-        one("car", 35.0),
-        one("car", 30.5),
-        one("traffic light", 12.0),
-        one("car", -10.0),
-        one("car", 45.0),
+        seen(10.0),
+        seen(15.0, label="person"),
+        seen(16.5, label="person"),
+        seen(35.0),
+        seen(30.5),
+        seen(12.0, label="traffic light"),
+        seen(-10.0),
+        seen(45.0),
     ]
     row = last((before, answer), (now, None))
     causes = {
@@ -94,7 +95,7 @@ def objects_of(*steps: Step) -> list[tuple[Any, ...]]:
     table = Table(HELD_OBJECTS)
     judged(*steps, objects=table)
     rows = table.to_frame()
-    tenths = (rows[["begin_ns", "end_ns"]] / (SECOND // 10)).replace({float("nan"): None})
+    tenths = (rows[["begin_ns", "end_ns"]] / (S // 10)).replace({float("nan"): None})
     return list(
         zip(
             rows["label"],
@@ -113,8 +114,8 @@ def test_a_ghost_is_known_by_its_place_and_time():
     """
     before = Frame([thing("car", 10.0, moving=True), thing("person", 15.0)])
     after = Frame([thing("car", 20.0, moving=True), thing("person", 15.0)])
-    wrong = [one("car", 10.0), one("person", 15.0), one("person", 16.5), one("car", 35.0)]
-    right = [one("car", 20.0), one("person", 15.0)]
+    wrong = [seen(10.0), seen(15.0, label="person"), seen(16.5, label="person"), seen(35.0)]
+    right = [seen(20.0), seen(15.0, label="person")]
     assert sorted(objects_of((before, wrong), (before, None), (after, right), (after, None))) == [
         ("car", 10.0, "missed", 0, 1),
         ("car", 10.0, "moved_away", 2, 3),
@@ -130,7 +131,7 @@ def test_a_ghost_is_known_by_its_place_and_time():
 
 def test_what_is_there_or_hidden_is_no_ghost():
     frame = Frame([thing("car", 20.0)], hidden=[thing("car", 30.0)])
-    answer = [one("car", 21.0), one("car", 30.5)]
+    answer = [seen(21.0), seen(30.5)]
     assert objects_of((frame, answer), (frame, answer), (frame, None)) == [
         ("car", 20.0, "missed", 0, 1),
         ("car", 21.0, "right", 1, None),
@@ -140,7 +141,7 @@ def test_what_is_there_or_hidden_is_no_ghost():
 def test_a_truck_is_a_car():
     assert (
         last(
-            (Frame([thing("truck", 10.0)]), [one("car", 10.0)]),
+            (Frame([thing("truck", 10.0)]), [seen(10.0)]),
             (Frame([thing("truck", 10.0)]), None),
         )["right"]
         == 1
@@ -148,7 +149,7 @@ def test_a_truck_is_a_car():
 
 
 def test_the_zero_delay_detector_is_written_once():
-    frame = Frame([thing("car", 20.0)], detections=(one("car", 20.5),))
+    frame = Frame([thing("car", 20.0)], detections=(seen(20.5),))
     rows = judged((frame, None), earlier_cars=(), what="zero_delay")
     assert [(row["held"], row["right"]) for row in rows] == [(1, 1)]
     assert judged((frame, None), what="zero_delay") == []
@@ -178,10 +179,10 @@ def test_every_stream_is_judged_where_it_looks_if_all_are():
             ("east", POSE, thing("car", 20.0)),
             ("north", north, thing("car", 0.0, 20.0)),
         ):
-            header = Header(number * SECOND // 10, stream, "car1")
+            header = Header(number * S // 10, stream, "car1")
             judge.published(Image(header, 1000, "", 0, pose, 1.4, Frame([there])))
             if number == 0:
-                answer = [one("car", 20.5), one("car", 0.0, 30.0)] if stream == "east" else []
+                answer = [seen(20.5), seen(0.0, 30.0)] if stream == "east" else []
                 judge.answered(Detections(header, tuple(answer)), header.stamp_ns)
     judge.close()
     rows = table.to_frame()
@@ -206,7 +207,7 @@ def test_metrics_are_sums_over_instants():
     table = Table(HELD)
     counts = (4, 2, 1, 1, 0, 0, 2, 1, 2, 1), (0, 0, 0, 0, 0, 3, 1, 0, 0, 0)
     for number, of_instant in enumerate(counts):
-        table.append(("genie", "consumer", "car1", number * SECOND, *of_instant, None))
+        table.append(("genie", "consumer", "car1", number * S, *of_instant, None))
     table.append(("genie", "zero_delay", "car1", 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0.25))
     methods = [MethodInfo(name, name, baseline=False) for name in ("local", "genie")]
     found = metrics.compute(methods, {"held": table.columns()})

@@ -29,8 +29,9 @@ from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.tables import Table
 from genie_sim.tracks.track import Motion
-from tests.judge.judging import SECOND, Frame, Street, Thing, judged, last, one, thing
+from tests.judge.judging import Frame, Street, Thing, judged, last, thing
 from tests.judge.scalar_judge import ScalarJudge
+from tests.make import S, seen
 
 NOTHING = Frame([])
 
@@ -39,9 +40,9 @@ def test_each_cause_is_counted_in_its_own_column():
     """One duplicate, two that never were there, three that moved away."""
     before = Frame([thing("car", 10.0), thing("car", 10.0, 4.0), thing("car", 10.0, -4.0)])
     after = Frame([thing("person", 25.0)])
-    moved = [one("car", 10.0), one("car", 10.0, 4.0), one("car", 10.0, -4.0)]
-    never = [one("car", 35.0), one("car", 35.0, 4.0)]
-    twice = [one("person", 25.0), one("person", 26.5)]
+    moved = [seen(10.0), seen(10.0, 4.0), seen(10.0, -4.0)]
+    never = [seen(35.0), seen(35.0, 4.0)]
+    twice = [seen(25.0, label="person"), seen(26.5, label="person")]
     row = last((before, [*moved, *never, *twice]), (after, None))
     assert (row["moved_away"], row["never_there"], row["duplicate"]) == (3, 2, 1)
     assert (row["held"], row["right"]) == (7, 1)
@@ -50,7 +51,7 @@ def test_each_cause_is_counted_in_its_own_column():
 def test_three_metres_from_a_car_is_no_duplicate_of_it():
     """A duplicate is within reach: 2 m."""
     frame = Frame([thing("car", 20.0)])
-    row = last((frame, [one("car", 20.0), one("car", 23.0)]), (frame, None))
+    row = last((frame, [seen(20.0), seen(23.0)]), (frame, None))
     assert (row["duplicate"], row["never_there"]) == (0, 1)
 
 
@@ -58,27 +59,27 @@ def test_three_metres_from_a_car_is_no_duplicate_of_it():
 def test_a_car_beside_it_later_does_not_make_a_ghost_forgotten(east_m: float):
     """A car was at 10.1 m, and another at 11.9 m a moment later: both within one square of 2 m."""
     first, second = Frame([thing("car", 10.1)]), Frame([thing("car", 11.9)])
-    answer = [one("car", east_m)]
+    answer = [seen(east_m)]
     row = last((first, None), (second, answer), (NOTHING, None))
     assert (row["moved_away"], row["never_there"]) == (1, 0)
 
 
 def test_a_place_counts_as_left_for_exactly_ten_seconds():
-    seen = Frame([thing("car", 10.0)])
-    rows = judged((seen, [one("car", 10.0)]), *[(NOTHING, None)] * 101)
+    frame = Frame([thing("car", 10.0)])
+    rows = judged((frame, [seen(10.0)]), *[(NOTHING, None)] * 101)
     assert [row["moved_away"] for row in rows[-3:]] == [1, 1, 0]
 
 
 def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
     """A parked car, and another that is somewhere else each time."""
     places = RecentPlaces()
-    now_ns = np.arange(0, 40 * SECOND, SECOND)
+    now_ns = np.arange(0, 40 * S, S)
     for window in np.split(now_ns, 8):
-        seen = [(0, 10.0, 0.0), *((0, 30.0, t_ns / SECOND) for t_ns in window.tolist())]
+        seen = [(0, 10.0, 0.0), *((0, 30.0, t_ns / S) for t_ns in window.tolist())]
         codes = np.array([places.codes[place] for place in seen])
         at = np.array([0, *range(len(window))])
         asked = GroupedPlaces(
-            np.zeros(2, dtype=int), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3])
+            np.zeros(2, dtype=int), np.array([11.0, 30.0]), np.array([0.0, window[0] / S - 3])
         )
         there = places.were_there(
             asked, np.array([2.0, 2.0]), np.array([1, 0]), np.stack([codes, at]), window
@@ -119,7 +120,7 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
         label, location, moving = somewhere(rng.random() < 0.3)
         motion = None
         if moving:
-            seen = Header(rng.randrange(SECOND), "left", rng.choice(["car1", "car2", "car3"]))
+            seen = Header(rng.randrange(S), "left", rng.choice(["car1", "car2", "car3"]))
             motion = Motion((rng.uniform(-9.0, 9.0), 1.0), 0.5, 0.9, seen)
         place = None if rng.random() < 0.1 else location
         return Detection(label, 0.9, None, place, 0.9, "made up", motion)
@@ -130,7 +131,7 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
         return tuple(rng.choice(known) if rng.random() < 0.6 else found() for _ in range(4))
 
     for number in range(moments):
-        now_ns = number * SECOND // 2
+        now_ns = number * S // 2
         for car in CARS:
             for stream, heading_rad in (("left", 0.4), ("right", -0.2)):
                 things = [Thing(*somewhere(rng.random() < 0.3)) for _ in range(rng.randrange(4))]
@@ -143,7 +144,7 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
         for header in rng.sample(headers[-9:], k=3):
             answer = Detections(header, some()[: rng.randrange(5)])
             if rng.random() < 0.4:
-                answer = answer.with_look(None, now_ns - rng.randrange(SECOND))
+                answer = answer.with_look(None, now_ns - rng.randrange(S))
             judge.answered(answer, now_ns)
     judge.close()
 

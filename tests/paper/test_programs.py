@@ -13,9 +13,9 @@ import pytest
 from scipy.stats import t
 
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.paper.numbers import Number
 from studies import drives
+from tests.make import trace, trace_frame
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 RESULTS = REPOSITORY / "results"
@@ -108,23 +108,10 @@ def test_frames_share_a_cell_where_neither_place_nor_heading_leaves_it(
 ):
     """Cells of 1 m and sectors of 15 degrees, the default."""
     frames = tuple(
-        TraceFrame(
-            "02",
-            i,
-            i * 10**8,
-            1242,
-            375,
-            1,
-            f"{i}",
-            i,
-            CameraPose(east_m, 0.0, 0.0, heading),
-            1.4,
-            (),
-        )
+        trace_frame(index=i, pose=CameraPose(east_m, 0.0, 0.0, heading))
         for i, (east_m, heading) in enumerate(zip(steps_m, headings_rad, strict=True))
     )
-    trace = Trace("made up", (49.0, 8.4, 100.0), {"02": frames}, {})
-    assert drives.same_cell_share(trace) == pytest.approx(share)
+    assert drives.same_cell_share(trace(**{"02": frames})) == pytest.approx(share)
 
 
 def test_the_page_shows_what_the_committed_runs_say():

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from genie_sim.core.messages import Detection, Detections, Header
+from genie_sim.core.messages import Header
 from genie_sim.core.rules import GenieRules, Percentile
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.paper.watch import DETECTOR, OBJECTS, WorldObserver
 from genie_sim.sim.method import DETECTOR as NODE
 from genie_sim.sim.method import OBJECTS as TOPIC
+from tests import make
 
 RULES = GenieRules()
 
@@ -69,8 +70,8 @@ def world(*graphs):
 
 
 def answer(*confidences):
-    objects = tuple(Detection("car", one, None, None, one) for one in confidences)
-    return Detections(Header(1, "camera_02", "car1"), objects)
+    objects = (make.seen(None, score=one) for one in confidences)
+    return make.answer(Header(1, "camera_02", "car1"), *objects)
 
 
 def watched(*worlds, rules=RULES, heard=()):

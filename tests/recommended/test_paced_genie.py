@@ -23,10 +23,11 @@ from genie_sim.sim.monitor import LookEvent
 from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track import Motion
 from genie_sim.tracks.track_map import TrackMap
-from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
+from tests.core.worlds import IMAGES, OBJECTS
+from tests.make import S, answer, frame, seen
 
 MS = S // 1000
-CAR_AHEAD = seen("car", 0.9, at=(20.0, 0.5))
+CAR_AHEAD = seen(20.0, 0.5)
 
 
 def paced_genie(
@@ -203,7 +204,7 @@ def test_a_fault_takes_the_map():
 
 def shared_car(at: tuple[float, float], seen_s: float = 0.0) -> Any:
     motion = Motion((0.0, 0.0), 0.5, 0.9, Header(round(seen_s * S), "02", "car2"))
-    return replace(seen("car", 0.8, at=at), motion=motion)
+    return replace(seen(*at, score=0.8), motion=motion)
 
 
 def test_what_the_edge_tells_is_served_beside_the_own_tracks():
@@ -223,7 +224,7 @@ def test_an_own_track_that_is_not_served_keeps_out_nothing_shared():
         genie = paced_genie(is_shared=True)
         image = frame(0.0)
         on_frame(genie, image)
-        own = seen("car", score, at=(30.5, 5.0))
+        own = seen(30.5, 5.0, score=score)
         genie.on_message(OBJECTS + "-local", answer(image, own), 40 * MS)
         assert len(genie.object_map) == 1
         words = Detections(

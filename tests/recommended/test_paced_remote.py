@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from genie_sim.core.messages import CameraPose, Detections, Expired, Header, Image, Publish
+from genie_sim.core.messages import Detections, Expired, Publish
 from genie_sim.recommended.paced_remote import PacedSender
 from genie_sim.recommended.pacing import Pacer
 from genie_sim.record.columns import Columns
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
+from tests.make import frame
 
 MS = 1_000_000
 
@@ -18,13 +19,8 @@ def sender(in_flight: int) -> PacedSender:
     return PacedSender("car1/sender", pacer, (IMAGES,), (OBJECTS,))
 
 
-def frame(stamp_ms: int) -> Image:
-    pose = CameraPose(0.0, 0.0, 1.6, 0.0)
-    return Image(Header(stamp_ms * MS, "02", "car1"), 1, "", 0, pose, 1.4)
-
-
 def test_a_frame_goes_up_once_the_one_before_is_answered():
-    paced, frames = sender(in_flight=1), [frame(0), frame(100), frame(200)]
+    paced, frames = sender(in_flight=1), [frame(0), frame(0.1), frame(0.2)]
     assert paced.on_message(IMAGES, frames[0], 0) == [Publish(IMAGES + REMOTE, frames[0])]
     assert paced.on_message(IMAGES, frames[1], 100 * MS) == [Expired(frames[1].header)]
     answer = Detections(frames[0].header, ())
@@ -42,7 +38,7 @@ def test_a_frame_that_is_never_answered_is_given_up_after_a_second():
 
 def test_a_frame_that_a_later_one_overtakes_is_given_up():
     """Answers keep their order: once the second frame is answered, the first never will be."""
-    paced, frames = sender(in_flight=2), [frame(0), frame(100)]
+    paced, frames = sender(in_flight=2), [frame(0), frame(0.1)]
     for number, image in enumerate(frames):
         paced.on_message(IMAGES, image, number * 100 * MS)
     answer = Detections(frames[1].header, ())

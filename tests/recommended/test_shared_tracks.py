@@ -8,13 +8,31 @@ from typing import Any
 
 import pytest
 
-from genie_sim.core.messages import Detection
+from genie_sim.core.messages import CameraPose, Detection, Header
 from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules, tracks_to_share
 from genie_sim.tracks.existence import ExistenceFilter
-from genie_sim.tracks.track import Track
+from genie_sim.tracks.track import Motion, Track, kind_of
 from genie_sim.tracks.track_map import TrackMap
-from tests.core.worlds import S, seen
-from tests.recommended.shared import HERE, shared, track
+from tests.make import S, seen
+
+HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
+
+
+def shared(
+    at: tuple[float, float],
+    label: str = "car",
+    seen_s: float = 10.0,
+    velocity_mps: tuple[float, float] = (0.0, 0.0),
+) -> Detection:
+    header = Header(round(seen_s * S), "02", "car2")
+    return replace(seen(*at, label=label, score=0.8), motion=Motion(velocity_mps, 0.5, 0.9, header))
+
+
+def track(at: tuple[float, float], **spoke_s: float) -> Track:
+    header = Header(round(max(spoke_s.values()) * S), "02", max(spoke_s, key=spoke_s.__getitem__))
+    made = Track(0, kind_of("car"), "car", 0.9, *at, 0.0, header.stamp_ns, header, (1.0, 0.0, 1.0))
+    made.seen_by_ns.update({car: round(stamp_s * S) for car, stamp_s in spoke_s.items()})
+    return made
 
 
 def believed(
@@ -41,7 +59,7 @@ def test_what_is_near_the_car_is_the_car():
 
 
 def test_an_own_object_of_its_kind_comes_first():
-    own = (seen("truck", 0.9, at=(20.0, 0.0)),)
+    own = (seen(label="truck"),)
     assert believed(shared((21.5, 0.0)), own=own) == []
     assert believed(shared((22.0, 0.0)), own=own) == []
     assert believed(shared((22.1, 0.0)), own=own) == [(22.1, 0.0, 0.0)]
@@ -74,7 +92,7 @@ def test_a_list_takes_the_place_of_the_last_unless_it_is_older():
 
 
 def test_objects_without_motion_or_place_are_left_out():
-    assert believed(seen("car", 0.9, at=(20.0, 0.0))) == []
+    assert believed(seen()) == []
     assert believed(replace(shared((20.0, 0.0)), location=None)) == []
 
 

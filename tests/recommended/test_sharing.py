@@ -9,10 +9,11 @@ from genie_sim.recommended.shared_tracks import SHARED, SharingRules
 from genie_sim.recommended.sharing_genie import SharingGenie
 from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
-from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
+from tests.core.worlds import IMAGES, OBJECTS
+from tests.make import S, answer, frame, seen
 
 REMOTE = OBJECTS + "-remote"
-PARKED = seen("car", 0.9, at=(30.0, 2.0))
+PARKED = seen(30.0, 2.0)
 
 
 def sharing_genie() -> SharingGenie:
@@ -77,10 +78,10 @@ def test_what_answers_and_words_take_on_the_way():
     is shared they would take 26 + 89 + 3 x 36 + 2 x 400 bytes together.
     """
     genie = sharing_genie()
-    answered(genie, 0.0, "car1", PARKED, seen("car", 0.9, at=(40.0, -8.0)))
+    answered(genie, 0.0, "car1", PARKED, seen(40.0, -8.0))
     image = frame(0.5, car="car2")
     genie.on_message(IMAGES, image, S // 2)
-    plain = answer(image, *(seen("car", 0.9, at=(20.0, y)) for y in (-6.0, 0.0, 6.0)))
+    plain = answer(image, *(seen(20.0, y) for y in (-6.0, 0.0, 6.0)))
     words = published(genie.on_message(OBJECTS, plain, S))[OBJECTS]
     assert plain.size_bytes == 26 + 3 * 400
     assert len(words.objects) == 2 and words.size_bytes == 26 + 2 * 400

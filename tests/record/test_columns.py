@@ -10,14 +10,14 @@ import pytest
 
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.record.columns import Columns, Text, concat
-from tests import made_up_run
+from tests import make
 
 
 def test_columns_hold_what_pandas_holds():
     for table in (
-        made_up_run.frames(2, 2),
-        made_up_run.lookups(2, 60),
-        made_up_run.resources(2, 10),
+        make.frames(2, 2),
+        make.lookups(2, 60),
+        make.resources(2, 10),
     ):
         columns, frame = table.columns(), table.to_frame()
         pd.testing.assert_frame_equal(Columns.of(frame).to_frame(), frame)

@@ -12,7 +12,7 @@ from genie_sim.record.records import Tables
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.profiles import load_profile
-from tests.sim.street import scenario, street
+from tests.make import scenario, street
 
 
 @pytest.fixture(scope="module")

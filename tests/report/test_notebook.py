@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.record.columns import Columns
 from genie_sim.record.results import MetricValue, Run
 from genie_sim.report import notebook
-from tests import made_up_run
-from tests.made_up_run import METHODS
+from tests import make
+from tests.make import METHODS
 
 
 def made(seed: int, shift: float = 0.0) -> Run:
-    facts = {
-        "scenario": {"name": "<town>", "seed": seed, "cars": [{}], "edges": []},
-        "methods": [asdict(method) for method in METHODS],
-    }
     measured = [
         MetricValue("first_answer_mean", method.name, "all", "", 10.0 + shift, "ms")
         for method in METHODS
     ]
-    frames = Columns.of(made_up_run.frames(1, 1).to_frame())
-    return Run("0123456789ab", facts, "", {"frames": frames}, measured)
+    tables = {"frames": make.frames(1, 1).columns()}
+    return make.run_of(measured, tables=tables, name="<town>", seed=seed, cars=[{}], edges=[])
 
 
 def test_one_run_is_a_table_with_a_note_on_its_intervals():

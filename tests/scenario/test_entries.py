@@ -17,7 +17,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
-from tests.sim.street import drive, street
+from tests.make import drive, street
 
 CARS: dict[str, Any] = {
     "name": "x",

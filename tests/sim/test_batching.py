@@ -25,8 +25,8 @@ from genie_sim.sim.host import Host
 from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.settings import Serving
+from tests.make import FOV_RAD, fixed_device, scenario
 from tests.sim.processes import job
-from tests.sim.street import FOV_RAD, fixed_device, scenario
 
 MS = 1_000_000
 SERVICE_MS = 10

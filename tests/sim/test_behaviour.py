@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.scenario.scenario import Scenario
-from tests.sim.street import drive, fixed_device, scenario, street
+from tests.make import drive, fixed_device, scenario, street
 
 MS = 1_000_000
 CUT_NS = 2_000_000_000
@@ -298,7 +298,7 @@ def test_the_same_seed_gives_the_same_tables_and_another_seed_others():
 WRITE_TABLES = """
 import hashlib, sys
 from pathlib import Path
-from tests.sim.street import build, scenario
+from tests.make import build, scenario
 
 lossy = {"like": "wifi", "loss": 0.05}
 device = {"device": "jetson_tx2", "link": lossy}

@@ -22,7 +22,7 @@ from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 from genie_sim.sim.ros_graph import Node
 from genie_sim.sim.world import DRAIN_NS, World
-from tests.sim.street import build, fixed_device, scenario, street
+from tests.make import build, fixed_device, scenario, street
 
 TRACE = street(seconds=2.0)
 SENT = Trace(

@@ -16,7 +16,7 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
 from genie_sim.sim.world import World
-from tests.sim.street import build, drive, fixed_device, scenario, street
+from tests.make import build, drive, fixed_device, scenario, street
 from tests.sim.test_way_of_one_frame import (
     EDGE_DETECTOR,
     EDGE_HOP_ANSWER,

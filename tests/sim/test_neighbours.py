@@ -10,7 +10,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim import topology
 from genie_sim.sim.settings import Edge
-from tests.sim.street import build, drive, scenario, street
+from tests.make import build, drive, scenario, street
 
 NAMES = ("edge1", "edge2", "edge3")
 

@@ -9,7 +9,7 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.sim.cameras import POSITION_BYTES
 from genie_sim.sim.method import OBJECTS
 from genie_sim.sim.nodes import DetectorNode
-from tests.sim.street import build
+from tests.make import build
 
 EDGES = [{"name": f"edge{i}", "device": "agx_xavier"} for i in (1, 2)]
 SEEING = {"name": "car1", "device": "jetson_tx2", "edge": "edge1"}

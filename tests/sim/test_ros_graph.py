@@ -16,8 +16,8 @@ from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
+from tests.make import build, fixed_device, scenario
 from tests.sim.processes import DOWN, UP, sender
-from tests.sim.street import build, fixed_device, scenario
 
 WORK_NS = 1000
 HOP_NS = 10

@@ -22,7 +22,7 @@ from genie_sim.sim.method import IMAGES, METHODS, OBJECTS, Interceptor
 from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.nodes import InterceptorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from tests.sim.street import build, scenario, street
+from tests.make import build, scenario, street
 from tests.sim.test_way_of_one_frame import (
     CAR_DETECTOR,
     CAR_GENIE,

@@ -13,7 +13,7 @@ import pytest
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.scenario.profiles import DeviceProfile
-from tests.sim.street import FOV_RAD, drive, fixed_device, scenario
+from tests.make import FOV_RAD, drive, fixed_device, scenario, trace_frame
 
 MS = 1_000_000
 IMAGE_BYTES = 1_397_297
@@ -47,9 +47,13 @@ OBJECT = Detection("car", 0.9, (0.0, 0.0, 10.0, 10.0), (20.0, 4.0, 0.8), 0.9, "s
 
 def view(index: int, stamp_ns: int, east_m: float) -> TraceFrame:
     pose = CameraPose(east_m, 0.0, 1.6, 0.0)
-    name = f"02-{index}"
-    return TraceFrame(
-        "02", index, stamp_ns, 1242, 375, IMAGE_BYTES, name, index, pose, FOV_RAD, (OBJECT,)
+    return trace_frame(
+        index=index,
+        stamp_ns=stamp_ns,
+        size_bytes=IMAGE_BYTES,
+        pose=pose,
+        horizontal_fov_rad=FOV_RAD,
+        detections=(OBJECT,),
     )
 
 

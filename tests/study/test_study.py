@@ -44,7 +44,7 @@ from genie_sim.study.study import Study, check_folder
 from genie_sim.study.work import Parts, PointRun, Workers
 from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY
-from tests.made_up_run import METHODS
+from tests.make import METHODS
 
 
 @pytest.fixture(autouse=True)

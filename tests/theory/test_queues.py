@@ -28,8 +28,8 @@ from genie_sim.sim.link_model import LINK
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.settings import Serving
+from tests.make import FOV_RAD, fixed_device
 from tests.sim.processes import job, sender
-from tests.sim.street import FOV_RAD, fixed_device
 from tests.theory.replications import equivalent, replicate
 
 pytestmark = [

@@ -24,8 +24,8 @@ from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Device, ServiceTime
 from genie_sim.sim.host import Host
 from genie_sim.sim.monitor import SpanLabel
+from tests.make import drive, scenario, street
 from tests.sim.processes import then
-from tests.sim.street import drive, scenario, street
 from tests.theory.replications import equivalent, replicate
 from tests.theory.test_queues import arrivals, pollaczek_khinchine
 

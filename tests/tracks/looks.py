@@ -7,9 +7,8 @@ import math
 from genie_sim.core.messages import CameraPose, Detection, Header, Look
 from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.track_map import TrackMap
-from tests.core.worlds import S, seen
+from tests.make import S
 
-MS = S // 1000
 FOV = math.radians(90.0)
 
 
@@ -36,7 +35,3 @@ def there(map_: TrackMap, t_s: float) -> list[tuple[str, float, float]]:
     map_.forget(round(t_s * S))
     places = [(seen.label, *seen.location[:2]) for seen in map_.believed(round(t_s * S))]
     return sorted((label, round(east, 2), round(north, 2)) for label, east, north in places)
-
-
-def car(east=20.0, north=0.0, score=0.9, label="car") -> Detection:
-    return seen(label, score, at=(east, north))

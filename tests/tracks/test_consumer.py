@@ -8,20 +8,14 @@ from dataclasses import replace
 import pytest
 
 from genie_sim.base.settings import from_plain
-from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
+from genie_sim.core.messages import Detection, Detections
 from genie_sim.judge import held as recording_held
 from genie_sim.judge.objects import Objects
 from genie_sim.tracks.consumer import ConsumerRules, Newest, Tracker
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track import Motion
-from tests.core.worlds import S, seen
-from tests.tracks.looks import FOV, MS, after, car, look, tracks
-
-
-def image(t_s: float, camera="02") -> Image:
-    return Image(
-        Header(round(t_s * S), camera, "car1"), 1, "", 0, CameraPose(0.0, 0.0, 1.6, 0.0), FOV
-    )
+from tests.make import MS, S, frame, seen
+from tests.tracks.looks import FOV, after, look, tracks
 
 
 def held(consumer, t_s: float) -> list[tuple[str, float]]:
@@ -35,18 +29,18 @@ def held(consumer, t_s: float) -> list[tuple[str, float]]:
 
 
 def tell(consumer, t_s: float, *found: Detection, source="detector", camera="02") -> None:
-    taken = image(t_s, camera)
+    taken = frame(t_s, camera=camera)
     consumer.on_frame(taken)
     consumer.on_answer(Detections(taken.header, found, source), round(t_s * S) + 30 * MS)
 
 
 def test_newest_holds_the_newest_answer_of_each_stream_where_it_was():
     consumer = Newest()
-    tell(consumer, 0.0, car(10.0))
-    tell(consumer, 0.0, car(10.5), car(30.0), camera="03")
+    tell(consumer, 0.0, seen(10.0))
+    tell(consumer, 0.0, seen(10.5), seen(30.0), camera="03")
     assert held(consumer, 1.0) == [("car", 10.0), ("car", 30.0)], "two within a metre are one"
-    tell(consumer, 0.1, car(11.5))
-    consumer.on_answer(Detections(image(0.05).header, (car(99.0),)), S)
+    tell(consumer, 0.1, seen(11.5))
+    consumer.on_answer(Detections(frame(0.05).header, (seen(99.0),)), S)
     assert held(consumer, 1.0) == [("car", 11.5), ("car", 10.5), ("car", 30.0)]
 
 
@@ -54,13 +48,13 @@ def test_an_object_that_is_held_already_hides_no_other():
     """The second is the first, and the third is near the second alone."""
     consumer = Newest()
     for camera, east_m in (("02", 10.0), ("03", 10.8), ("04", 11.6)):
-        tell(consumer, 0.0, car(east_m), camera=camera)
+        tell(consumer, 0.0, seen(east_m), camera=camera)
     assert held(consumer, 0.1) == [("car", 10.0), ("car", 11.6)]
 
 
 def test_objects_of_one_answer_are_different_ones_however_near():
     """Two people side by side; in the answers of two cameras they would be one."""
-    pair = seen("person", 0.9, at=(10.0, 0.0)), seen("person", 0.9, at=(10.0, 0.6))
+    pair = seen(10.0, label="person"), seen(10.0, 0.6, label="person")
     together, apart = Newest(), Newest()
     tell(together, 0.0, *pair)
     assert held(together, 0.1) == [("person", 10.0), ("person", 10.0)]
@@ -71,22 +65,22 @@ def test_objects_of_one_answer_are_different_ones_however_near():
 
 def test_newest_predicts_objects_with_a_velocity():
     consumer = Newest()
-    tell(consumer, 0.0, car(33.0), camera="03")
-    map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
-    objects = map_.in_view(Viewer(image(1.0).header, image(1.0).pose, FOV), S)
-    consumer.on_frame(image(1.0))
-    consumer.on_answer(Detections(image(1.0).header, tuple(objects), "map").with_look(None, S), S)
+    tell(consumer, 0.0, seen(33.0), camera="03")
+    map_ = after(tracks(), *(look(0.1 * i, seen(10.0 + i)) for i in range(11)))
+    objects = map_.in_view(Viewer(frame(1.0).header, frame(1.0).pose, FOV), S)
+    consumer.on_frame(frame(1.0))
+    consumer.on_answer(Detections(frame(1.0).header, tuple(objects), "map").with_look(None, S), S)
     assert held(consumer, 1.0) == [("car", pytest.approx(20.0, abs=0.1))]
     assert held(consumer, 1.3) == [("car", pytest.approx(23.0, abs=0.2))]
     assert held(consumer, 9.0) == [("car", pytest.approx(30.0, abs=0.3))], "for a second at most"
 
 
 def test_newest_predicts_neither_backwards_nor_what_has_no_velocity():
-    moving = replace(car(20.0), motion=Motion((10.0, 0.0), 0.5, 0.9, image(1.0).header))
-    parked = car(5.0)
+    moving = replace(seen(20.0), motion=Motion((10.0, 0.0), 0.5, 0.9, frame(1.0).header))
+    parked = seen(5.0)
     consumer = Newest()
-    consumer.on_frame(image(1.0))
-    answer = Detections(image(1.0).header, (moving, parked), "map")
+    consumer.on_frame(frame(1.0))
+    answer = Detections(frame(1.0).header, (moving, parked), "map")
     consumer.on_answer(answer.with_look(None, S), S)
     assert held(consumer, 0.5) == [("car", 20.0), ("car", 5.0)], "not before the answer's instant"
     assert held(consumer, 1.5) == [("car", 25.0), ("car", 5.0)]
@@ -95,8 +89,8 @@ def test_newest_predicts_neither_backwards_nor_what_has_no_velocity():
 def test_a_tracker_predicts_between_answers_and_takes_caches_for_nothing():
     consumer = Tracker()
     for i in range(11):
-        tell(consumer, 0.1 * i, car(10.0 + i))
-    tell(consumer, 1.05, car(30.0, 5.0), source="cache")
+        tell(consumer, 0.1 * i, seen(10.0 + i))
+    tell(consumer, 1.05, seen(30.0, 5.0), source="cache")
     assert held(consumer, 1.2) == [("car", pytest.approx(22.0, abs=0.2))]
 
 
@@ -106,18 +100,18 @@ def test_an_answer_replaces_older_ones_only_within_its_field_of_view(off_axis_de
     off_axis_rad = math.radians(off_axis_deg)
     place = (20.0 * math.cos(off_axis_rad), 20.0 * math.sin(off_axis_rad))
     consumer = Newest()
-    tell(consumer, 0.0, seen("car", 0.9, at=place), camera="03")
-    consumer.on_frame(image(1.0))
-    consumer.on_answer(Detections(image(1.0).header, (), "map").with_look(None, S), S)
+    tell(consumer, 0.0, seen(*place), camera="03")
+    consumer.on_frame(frame(1.0))
+    consumer.on_answer(Detections(frame(1.0).header, (), "map").with_look(None, S), S)
     assert bool(held(consumer, 1.0)) is remaining
 
 
 def test_of_many_frames_the_newest_are_remembered():
     consumer = Newest()
-    tell(consumer, 0.0, car(20.0), camera="03")
-    frames = [image(0.01 * i) for i in range(1, 301)]
-    for frame in frames:
-        consumer.on_frame(frame)
+    tell(consumer, 0.0, seen(20.0), camera="03")
+    frames = [frame(0.01 * i) for i in range(1, 301)]
+    for taken in frames:
+        consumer.on_frame(taken)
     answer = Detections(frames[-1].header, (), "map").with_look(None, 3 * S)
     consumer.on_answer(answer, 3 * S)
     assert held(consumer, 3.0) == [], "nothing is in its field of view"
@@ -126,14 +120,14 @@ def test_of_many_frames_the_newest_are_remembered():
 def test_of_two_answers_for_one_instant_the_later_one_counts():
     """A cached answer to a frame, then the detector's to the same."""
     consumer = Newest()
-    tell(consumer, 0.0, car(10.0), source="cache")
-    tell(consumer, 0.0, car(30.0))
+    tell(consumer, 0.0, seen(10.0), source="cache")
+    tell(consumer, 0.0, seen(30.0))
     assert held(consumer, 0.1) == [("car", 30.0)]
 
 
 def test_a_tracker_takes_objects_out_of_a_map_for_no_look():
     consumer = Tracker()
-    found, added = car(10.0), Detection("car", 0.9, None, (10.0, 9.0, 0.0), 0.9, "map")
+    found, added = seen(10.0), Detection("car", 0.9, None, (10.0, 9.0, 0.0), 0.9, "map")
     for i in range(5):
         tell(consumer, 0.1 * i, found, added)
     assert held(consumer, 0.4) == [("car", 10.0)]
@@ -142,7 +136,7 @@ def test_a_tracker_takes_objects_out_of_a_map_for_no_look():
 def test_a_tracker_forgets_what_moves_a_second_after_it_was_seen_last():
     consumer = Tracker()
     for i in range(21):
-        tell(consumer, 0.1 * i, car(10.0 + i))
+        tell(consumer, 0.1 * i, seen(10.0 + i))
     assert held(consumer, 2.95) == [("car", pytest.approx(39.5, abs=0.3))]
     assert held(consumer, 3.05) == []
 
@@ -151,7 +145,7 @@ def test_a_tracker_holds_what_exists_with_at_least_p_min():
     """Found once with a score of .5: it exists with that probability."""
     for p_min, places in ((0.45, [("car", 10.0)]), (0.55, [])):
         consumer = ConsumerRules("tracker", p_min=p_min).new()
-        tell(consumer, 0.0, seen("car", 0.5, at=(10.0, 0.0)))
+        tell(consumer, 0.0, seen(10.0, score=0.5))
         assert held(consumer, 0.05) == places
 
 
@@ -162,8 +156,8 @@ def test_to_a_tracker_looks_at_nearly_one_instant_count_less():
     for tau_ns, p_min in ((0, 0.692), (100 * MS, 0.5505)):
         for below, count in ((0.01, 1), (-0.01, 0)):
             consumer = ConsumerRules("tracker", p_min=p_min - below, tau_ns=tau_ns).new()
-            tell(consumer, 0.0, seen("car", 0.5, at=(10.0, 0.0)))
-            tell(consumer, 0.025, seen("car", 0.5, at=(10.0, 0.0)), camera="03")
+            tell(consumer, 0.0, seen(10.0, score=0.5))
+            tell(consumer, 0.025, seen(10.0, score=0.5), camera="03")
             assert len(held(consumer, 0.03)) == count, (tau_ns, p_min - below)
 
 

@@ -13,8 +13,9 @@ from genie_sim.core.messages import (
 from genie_sim.tracks.coverage import Coverage
 from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
-from tests.core.worlds import OBJECTS, S, seen
-from tests.tracks.looks import MS, after, car, look, there, tracks
+from tests.core.worlds import OBJECTS
+from tests.make import MS, S, seen
+from tests.tracks.looks import after, look, there, tracks
 
 FROM_NODE = f"{OBJECTS}-local"
 
@@ -23,7 +24,7 @@ FROM_NODE = f"{OBJECTS}-local"
 
 def test_a_parked_car_that_was_passed_stays_and_goes_when_it_has_left():
     """Seen for 2 s; then the camera looks away for a minute; then it looks at the empty place."""
-    map_ = after(tracks(), *(look(0.1 * i, car()) for i in range(21)))
+    map_ = after(tracks(), *(look(0.1 * i, seen()) for i in range(21)))
     after(map_, *(look(2.1 + i, heading_deg=180.0) for i in range(60)))
     assert there(map_, 63) == [("car", 20.0, 0.0)], "nobody looked there, and parked cars stay"
     after(map_, look(64))
@@ -40,7 +41,7 @@ def test_a_moving_van_is_served_where_it_is_and_leaves_no_trail():
     """
     map_ = after(
         tracks(),
-        *(look(0.1 * i, car(10.0 + i, label="truck" if i % 3 else "car")) for i in range(21)),
+        *(look(0.1 * i, seen(10.0 + i, label="truck" if i % 3 else "car")) for i in range(21)),
     )
     ((_, east_m, north_m),) = there(map_, 2.05)
     assert east_m == pytest.approx(30.5, abs=0.15) and north_m == 0.0
@@ -53,33 +54,33 @@ def test_an_occluded_car_is_not_missed():
     """A bus drives in front of it: what it hides is no evidence. Beside it, it would be."""
 
     def rest(*detections):
-        map_ = after(tracks(), *(look(0.1 * i, car(25.0)) for i in range(12)))
+        map_ = after(tracks(), *(look(0.1 * i, seen(25.0)) for i in range(12)))
         return there(after(map_, *(look(1.2 + 0.1 * i, *detections) for i in range(4))), 1.5)
 
-    assert ("car", 25.0, 0.0) in rest(seen("bus", 0.9, at=(12.0, 0.3)))
-    assert ("car", 25.0, 0.0) not in rest(seen("bus", 0.9, at=(12.0, 6.0)))
+    assert ("car", 25.0, 0.0) in rest(seen(12.0, 0.3, label="bus"))
+    assert ("car", 25.0, 0.0) not in rest(seen(12.0, 6.0, label="bus"))
 
 
 def test_a_detector_that_misses_twice_does_not_lose_the_object():
     """Not served after two misses by textbook independence, but still tracked: the next sighting
     brings it back.
     """
-    map_ = after(tracks(), *(look(0.1 * i, car()) for i in range(12)))
+    map_ = after(tracks(), *(look(0.1 * i, seen()) for i in range(12)))
     (held,) = map_
     assert held.existence > 0.99
     after(map_, look(1.2))
     assert there(map_, 1.2) == [("car", 20.0, 0.0)]
     after(map_, look(1.3))
     assert len(map_) == 1
-    after(map_, look(1.4, car()))
+    after(map_, look(1.4, seen()))
     assert there(map_, 1.4) == [("car", 20.0, 0.0)] and list(map_) == [held]
 
 
 def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
-    map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
+    map_ = after(tracks(), *(look(0.1 * i, seen(10.0 + i)) for i in range(11)))
     (held,) = map_
     place, sightings = held.place(S), held.sightings
-    map_.learn(look(0.55, car(15.5)), S)
+    map_.learn(look(0.55, seen(15.5)), S)
     assert list(map_) == [held] and held.sightings == sightings + 1, (
         "it is the same car, half a second ago"
     )
@@ -90,7 +91,7 @@ def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
 
 
 def test_the_same_look_by_two_ways_counts_once():
-    one = look(0, car(score=0.5))
+    one = look(0, seen(score=0.5))
     map_ = after(tracks(), one)
     (held,) = map_
     before = held.existence
@@ -103,7 +104,7 @@ def test_the_same_look_by_two_ways_counts_once():
 
 def test_two_who_walk_side_by_side_stay_two():
     walkers = [
-        look(0.1 * i, *(seen("person", 0.9, at=(15.0 + 0.1 * i, n)) for n in (0.0, 1.5)))
+        look(0.1 * i, *(seen(15.0 + 0.1 * i, n, label="person") for n in (0.0, 1.5)))
         for i in range(10)
     ]
     assert len(after(tracks(), *walkers)) == 2
@@ -113,7 +114,7 @@ def test_two_detections_never_show_one_track():
     """The second is nearer to the first's track than to its own, which is taken."""
 
     def walker(north_m: float) -> Detection:
-        return seen("person", 0.9, at=(10.0, north_m))
+        return seen(10.0, north_m, label="person")
 
     map_ = after(tracks(), look(0, walker(0.0), walker(2.4)), look(0.1, walker(0.2), walker(1.1)))
     assert [one.sightings for one in map_] == [2, 2]
@@ -139,7 +140,7 @@ def textbook(p: float, dt_s: float, survival: float, found: float, ratio: float 
 def test_existence_follows_the_textbooks_recursion(scores, range_m):
     laws = DetectorLaws((0.9,) * 7, (0.8,) * 7, ASSUMED.ratios, ASSUMED.firsts)
     policy = ExistenceFilter(laws=laws)
-    map_ = after(tracks(policy), look(0, car(range_m, score=0.6)))
+    map_ = after(tracks(policy), look(0, seen(range_m, score=0.6)))
     (held,) = map_
     p = 0.6
     for i, score in enumerate(scores, start=1):
@@ -184,7 +185,7 @@ def test_a_look_tells_of_its_field_of_view_alone(at, seen_there):
     ("east_m", "hidden"), [(19.0, False), (21.5, False), (22.5, True), (35.0, True)]
 )
 def test_a_detection_hides_what_is_two_metres_behind_it(east_m, hidden):
-    view = Coverage(look(0, car(20.0)))
+    view = Coverage(look(0, seen(20.0)))
     assert (view.range_m(east_m, 0.2) is None) is hidden
     assert view.range_m(35.0, 3.0) is not None, "beside its shadow"
 
@@ -192,8 +193,8 @@ def test_a_detection_hides_what_is_two_metres_behind_it(east_m, hidden):
 @pytest.mark.parametrize(("p_min", "score", "hits"), [(0.8, 0.7, 0), (0.5, 0.7, 1)])
 def test_a_sighting_hits_what_may_leave(p_min: float, score: float, hits: int):
     """After one look the object exists with about the probability that its score is."""
-    map_ = after(tracks(ExistenceFilter(p_min)), look(0.0, car(score=score)))
-    again = map_.learn(look(0.1, car(score=score)), round(0.1 * S), names_changes=False)
+    map_ = after(tracks(ExistenceFilter(p_min)), look(0.0, seen(score=score)))
+    again = map_.learn(look(0.1, seen(score=score)), round(0.1 * S), names_changes=False)
     assert (again.requests, again.updates, again.hits) == (1, 1, hits)
 
 
@@ -219,7 +220,9 @@ def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, tau
         map_ = tracks(ExistenceFilter(tau_ns=tau_ns))
         for i, many in enumerate(rounds):
             t_s = many[0][0] if many else 0.0
-            found = [seen(label, score, at=(east, north)) for _, east, north, score, label in many]
+            found = [
+                seen(east, north, label=label, score=score) for _, east, north, score, label in many
+            ]
             map_.learn(look(t_s, *found, camera=str(i)), round(t_s * S))
             assert all(0.0 <= one.existence <= 1.0 and one.variance[0] >= 0.0 for one in map_)
             assert len(list(map_)) == len(map_)

@@ -9,7 +9,7 @@ import pytest
 from genie_sim.core.messages import Look
 from genie_sim.tracks.laws import ASSUMED, FALSE_SHARE, DetectorLaws
 from genie_sim.tracks.measure import SCORES, shrunk
-from tests.core.worlds import seen
+from tests.make import seen
 from tests.tracks.looks import look
 from tools.make.count_looks import counted
 
@@ -29,7 +29,7 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
         return [
             look(
                 0.1 * t,
-                *(seen("car", 0.9, at=at) for k, at in enumerate(places) if (t + k) % every == 0),
+                *(seen(*at) for k, at in enumerate(places) if (t + k) % every == 0),
             )
             for t in range(60)
         ]
@@ -50,7 +50,7 @@ def looks_at(*objects: tuple[str, float, float]) -> list[Look]:
     for number, (pattern, range_m, score) in enumerate(objects):
         camera = (1_000.0 * number, 0.0)
         for found in pattern:
-            car = seen("car", score, at=(camera[0] + range_m, 0.0))
+            car = seen(camera[0] + range_m, score=score)
             looks.append(look(0.1 * len(looks), *([car] if found == "1" else []), at=camera))
     return looks
 

@@ -13,7 +13,7 @@ from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED
 from genie_sim.tracks.track import VEHICLE
 from genie_sim.tracks.track_map import TrackMap
-from tests.core.worlds import S, frame, seen
+from tests.make import S, frame, seen
 
 MS = S // 1000
 
@@ -74,8 +74,8 @@ def test_answers_out_of_the_map_look_wider_by_the_margin(bearing_deg, margin_deg
     image = frame(0.0)  # 90 degrees wide
     angle = math.radians(bearing_deg)
     at = (0.5 + 20 * math.cos(angle), 0.5 + 20 * math.sin(angle))
-    wide = Look(image.header, image.pose, math.radians(170), (seen("car", 0.9, at=at),))
+    wide = Look(image.header, image.pose, math.radians(170), (seen(*at),))
     object_map.learn(wide, 0)
     viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
     assert len(object_map.in_view(viewer, 0)) == shown
-    assert object_map.is_in_view(viewer, seen("car", 0.9, at=at)) == bool(shown)
+    assert object_map.is_in_view(viewer, seen(*at)) == bool(shown)

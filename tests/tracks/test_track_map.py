@@ -10,8 +10,8 @@ import pytest
 from genie_sim.core.messages import CameraPose, Header
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track import NEAR_M, VEHICLE, sigma_of
-from tests.core.worlds import S, seen
-from tests.tracks.looks import FOV, MS, after, car, look, tracks
+from tests.make import MS, S, seen
+from tests.tracks.looks import FOV, after, look, tracks
 
 
 def kalman_step(state, covariance, dt_s, measured_m, sigma_m):
@@ -31,7 +31,7 @@ def test_a_track_is_a_kalman_filter_for_each_axis():
     covariance = np.diag([first_sigma_m**2, (VEHICLE.v_max_mps / 2) ** 2])
     axes = [(np.array([metre, 0.0]), covariance) for metre in places[0]]
     for i, place in enumerate(places):
-        map_.learn(look(0.2 * i, car(*place)), i * 200 * MS)
+        map_.learn(look(0.2 * i, seen(*place)), i * 200 * MS)
         if i:
             sigma_m = sigma_of(math.hypot(*place))
             axes = [
@@ -48,18 +48,18 @@ def test_a_track_is_a_kalman_filter_for_each_axis():
 
 @pytest.mark.parametrize(("sigmas", "count"), [(1.5, 1), (1.9, 1), (2.1, 2)])
 def test_a_sighting_within_two_sigmas_of_the_predicted_place_is_the_tracks(sigmas, count):
-    map_ = after(tracks(), look(0.0, car(20.0)))
+    map_ = after(tracks(), look(0.0, seen(20.0)))
     (track,) = map_
     away_m = NEAR_M + sigmas * track.sigma_m(100 * MS)
     assert away_m < track.kind.gate_m
-    after(map_, look(0.1, car(20.0, away_m)))
+    after(map_, look(0.1, seen(20.0, away_m)))
     assert len(map_) == count
 
 
 @pytest.mark.parametrize(("range_m", "visible"), [(0.9, True), (1.1, False), (1.9, False)])
 def test_the_view_ends_at_its_range(range_m, visible):
     """Of 30 m."""
-    place = car(30.0 * range_m)
+    place = seen(30.0 * range_m)
     map_ = after(tracks(view_range_m=30.0), *(look(0.1 * i, place) for i in range(5)))
     viewer = Viewer(Header(S, "02", "car1"), CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
     assert bool(map_.in_view(viewer, S)) is visible
@@ -67,7 +67,7 @@ def test_the_view_ends_at_its_range(range_m, visible):
 
 @pytest.mark.parametrize("away_m", [50e3, 1e9, 1e15])
 def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m):
-    both = car(20.0), car(away_m)
+    both = seen(20.0), seen(away_m)
     map_ = after(tracks(view_range_m=2 * away_m), look(0.0, *both), look(0.1, *both))
     assert sorted(track.sightings for track in map_) == [2, 2]
     header = Header(S, "02", "car1")
@@ -81,8 +81,8 @@ def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m
 )
 def test_no_track_is_faster_than_twice_its_kinds_highest_speed(label: str, most_mps: float):
     """Also where it seems to have gone 40 m in half a second."""
-    (track,) = after(tracks(), look(0.0, seen(label, 0.9, at=(10.0, 0.0))))
-    track.update(seen(label, 0.9, at=(10.0, 40.0)), 10.0, Header(S // 2, "02", "car1"))
+    (track,) = after(tracks(), look(0.0, seen(10.0, label=label)))
+    track.update(seen(10.0, 40.0, label=label), 10.0, Header(S // 2, "02", "car1"))
     assert track.velocity_mps == pytest.approx((0.0, most_mps))
 
 
@@ -93,7 +93,7 @@ def test_tracks_are_one_where_they_come_nearer_than_a_metre(seen_at_m: float, co
     """
 
     def person(north_m: float):
-        return seen("person", 0.9, at=(10.0, north_m))
+        return seen(10.0, north_m, label="person")
 
     both = look(0.0, person(0.0), person(1.2))
     assert len(after(tracks(), both, look(0.1, person(seen_at_m)))) == count
@@ -102,7 +102,7 @@ def test_tracks_are_one_where_they_come_nearer_than_a_metre(seen_at_m: float, co
 @pytest.mark.parametrize(("label", "count"), [("car", 1), ("bus", 1), ("person", 2)])
 def test_of_one_group_two_detections_of_one_place_are_one_object(label: str, count: int):
     """A detector that takes a van for a car and for a bus has seen one vehicle."""
-    assert len(after(tracks(), look(0.0, car(20.0), car(20.4, label=label)))) == count
+    assert len(after(tracks(), look(0.0, seen(20.0), seen(20.4, label=label)))) == count
 
 
 def test_a_late_look_does_not_contradict_what_the_newest_one_could_not_see():

@@ -19,10 +19,10 @@ from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile
 from tests.checkout import REPOSITORY
 from tests.data.archives import archive
-from tests.data.traces import trace
 from tests.data.tracking_files import CALIBRATION, CAR, OXTS
 from tests.kitti_folder import DATE, make_drive, make_network
 from tests.made_up_networks import make_nanodet, make_yolov8
+from tests.make import trace
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import broken, changed
 from tools.make.published import tracking_trace

@@ -115,6 +115,18 @@ class SceneDrives(Drives):
         return {self.scene.name: dict(self.scene.provenance)}
 
 
+class SceneTruth:
+    """What is really there on the drives through a scene: an object that is held is right within
+    ``tolerance_m`` of one of its class, and objects up to ``range_m`` away count.
+    """
+
+    def __init__(self, tolerance_m: float, range_m: float) -> None:
+        self.tolerance_m, self.range_m = tolerance_m, range_m
+
+    def visible(self, frame: "SceneFrame") -> Sequence[SceneObject]:
+        return frame.truth()
+
+
 class SceneDrive(Drive):
     """What the cameras of one car see in a scene, from ``start_ns`` of the scene's clock on. It has
     the frames of a ``Trace``.

@@ -5,7 +5,7 @@ known.
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.settings import POSITIVE
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
-from genie_sim.worlds.scene.frames import SceneDrives, check_frames
-from genie_sim.worlds.scene.objects import SceneObject
+from genie_sim.worlds.scene.frames import SceneDrives, SceneTruth, check_frames
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ class InTown(FrameSource):
     interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
     """Time between two frames of a camera."""
 
-    tolerance_m: float = 2.0
+    tolerance_m: Annotated[float, POSITIVE] = 2.0
     """How far an answer may be from the truth and still count as right."""
 
     range_m: Annotated[float, POSITIVE] = 50.0
@@ -82,28 +81,23 @@ class TownDrives(SceneDrives):
     @functools.cached_property
     def _truth(self) -> "TownTruth":
         """One for all drives, so that it is asked about objects of many cars at once."""
-        return TownTruth(self.town, self.settings.tolerance_m, self.settings.range_m)
+        return TownTruth(self.town, self.settings)
 
 
-@dataclass(frozen=True)
-class TownTruth:
+class TownTruth(SceneTruth):
     """What is there on all drives through a town."""
 
-    town: "Town"
-    tolerance_m: float
-    range_m: float
+    def __init__(self, town: "Town", settings: InTown) -> None:
+        super().__init__(settings.tolerance_m, settings.range_m)
+        self._town = town
 
     def knows(self, label: str) -> bool:
         return True
-
-    def visible(self, frame: Any) -> Sequence[SceneObject]:
-        truth: Sequence[SceneObject] = frame.truth()
-        return truth
 
     def are_there(
         self, frames: Sequence["SceneFrame"], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
-        return self.town.visibility.are_there(
+        return self._town.visibility.are_there(
             labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
         )

@@ -62,7 +62,7 @@ class RecordedTraffic(FrameSource):
     interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
     """Time between two frames of a camera."""
 
-    tolerance_m: float = 2.0
+    tolerance_m: Annotated[float, POSITIVE] = 2.0
     """How far an answer may be from the truth and still count as right."""
 
     range_m: Annotated[float, POSITIVE] = 50.0

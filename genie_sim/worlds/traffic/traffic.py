@@ -20,7 +20,7 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.detector import SyntheticDetector
-from genie_sim.worlds.scene.frames import Motion, SceneDrive, SceneDrives
+from genie_sim.worlds.scene.frames import Motion, SceneDrive, SceneDrives, SceneTruth
 from genie_sim.worlds.scene.laws import synthetic_laws
 from genie_sim.worlds.scene.noise import key_of_seed
 from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject, scene_object
@@ -278,19 +278,15 @@ class TrafficDrives(SceneDrives):
         return TrafficTruth(self.traffic)
 
 
-class TrafficTruth:
+class TrafficTruth(SceneTruth):
     """What is there on the drive of a car."""
 
     def __init__(self, traffic: Traffic) -> None:
+        super().__init__(traffic.settings.tolerance_m, traffic.settings.range_m)
         self._traffic = traffic
-        self.tolerance_m, self.range_m = traffic.settings.tolerance_m, traffic.settings.range_m
 
     def knows(self, label: str) -> bool:
         return label in self._traffic.known
-
-    def visible(self, frame: Any) -> Sequence[SceneObject]:
-        truth: Sequence[SceneObject] = frame.truth()
-        return truth
 
     def are_there(
         self, frames: Sequence[Any], labels: Sequence[str], east_m: Array, north_m: Array

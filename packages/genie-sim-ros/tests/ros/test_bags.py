@@ -33,15 +33,18 @@ from tests.ros.bag_files import (
 KINDS = ("bag", "mcap", "ros2")
 
 
-def street(path: Path) -> BagWriter:
-    """Three frames of a car that drives east at 10 m/s; a wall of points 20 m ahead of it."""
+def street(path: Path, laser_m: float = 1.73) -> BagWriter:
+    """Three frames of a car that drives east at 10 m/s; a wall of points 20 m ahead of it, and the
+    road ``laser_m`` below its laser.
+    """
     bag = BagWriter(path)
     intrinsics = np.array([[700.0, 0, 320], [0, 700, 180], [0, 0, 1]])
     bag.camera_info(START_NS, intrinsics, (640, 360))
     bag.transform(START_NS, "imu_link", CAMERA, IMU_SE3_CAMERA)
     bag.transform(START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
     wall = np.array([(20.0, y, z) for y in np.arange(-3, 3, 0.1) for z in np.arange(-1, 1, 0.1)])
-    ground = np.array([(x, y, -1.73) for x in np.arange(4, 28, 0.5) for y in np.arange(-6, 6, 0.5)])
+    road = ((x, y, -laser_m) for x in np.arange(4, 28, 0.5) for y in np.arange(-6, 6, 0.5))
+    ground = np.array([*road])
     longitude_per_m = 1 / (111_320 * math.cos(math.radians(ORIGIN[0])))
     for number in range(3):
         stamp_ns = START_NS + number * STEP_NS
@@ -98,6 +101,16 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         )
     write_trace(tmp_path / "street.parquet", trace)
     assert read_trace(tmp_path / "street.parquet").digest == trace.digest
+
+
+@pytest.mark.parametrize(("laser_m", "is_told"), [(1.73, False), (1.0, True), (2.5, True)])
+def test_a_laser_under_which_no_ground_is_found_is_told(
+    tmp_path: Path, laser_m: float, is_told: bool
+):
+    report = ImportReport("street")
+    bag = street(tmp_path / "street.bag", laser_m).write()
+    perceive_bag(bag, detections=OBJECTS, report=report)
+    assert any("show no ground" in line for line in report.lines()) == is_told
 
 
 def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
