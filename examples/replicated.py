@@ -75,8 +75,10 @@ class Replicated(Method):
         for further in self._further:
             model = LINK.make(further.link)
             for car, connection in network.connections.items():
-                upwards, _ = connection.add_bridges(further.edge, model, network.add_interface(car))
-                connection.add_bridge(upwards)
+                upwards, _ = connection.make_bridges(
+                    further.edge, model, network.add_interface(car)
+                )
+                connection.also_send_over(upwards)
 
 
 class FirstAnswer(Interceptor):

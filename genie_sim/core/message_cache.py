@@ -21,6 +21,9 @@ MAX_TIMELESS = 10_000  # so many requests without a deadline wait at most
 class MessageCache:
     """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit
     (``None``).
+
+    A subclass reads ``answers``, by stored key, and tells the ``eviction`` what it uses; it takes a
+    key out with ``remove``.
     """
 
     def __init__(
@@ -100,6 +103,7 @@ class MessageCache:
         self.remove(key)
 
     def remove(self, key: Hashable) -> None:
+        """A stored key goes, with its answers."""
         self.size_bytes -= sum(answer.size_bytes for answer in self.answers.pop(key).values())
         self._index.discard(key)
         self.eviction.removed(key)

@@ -1,8 +1,9 @@
 """What travels through the system: headers, images, detections, and the effects a Genie asks for.
 
-Nothing here is changed once it is made. Of what a run makes most, these are plain classes with
-slots: they cost three fifths of named tuples. Locations are metres in the scenario's one
-east-north-up frame, angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
+Nothing here is changed once it is made, but for ``ObjectLookups``, which count up while a message
+is handled. Of what a run makes most, these are plain classes with slots: they cost three fifths of
+named tuples, and less than frozen classes. Locations are metres in the scenario's one east-north-up
+frame, angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
 """
 
 import math

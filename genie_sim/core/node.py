@@ -334,12 +334,13 @@ class GenieNode:
         for_own_host: Answer,
         for_others: Answer,
         broadcast: Header | None,
-    ) -> Iterator[Publish]:
+    ) -> list[Publish]:
         """The first answer to a request goes to everyone who waits for it, under the header of each
         one's own request; not to the neighbour that the ``broadcast`` reaches.
         """
+        replies: list[Publish] = []
         if topic in pending.answered_topics:
-            return
+            return replies
         pending.answered_topics.add(topic)
         if len(pending.answered_topics) == len(self._outputs):
             self._pending.close(pending)
@@ -357,7 +358,8 @@ class GenieNode:
                 reply = for_own_host if is_own else for_clients
             if requester.header != reply.header:
                 reply = reply.restamped(requester.header)
-            yield self._publication(topic, reply, requester)
+            replies.append(self._publication(topic, reply, requester))
+        return replies
 
     def _map_answers(self, request: Request) -> list[Publish]:
         """What a client gets at once although its request missed: the map's confident objects in

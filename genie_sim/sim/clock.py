@@ -207,7 +207,7 @@ Item = TypeVar("Item", bound=OfFlow)
 
 class NewestQueue(Generic[Item]):
     """A queue that keeps the newest items of each flow, as the queue of a ROS publisher or
-    subscriber keeps those of its topic. Processes take the oldest.
+    subscriber keeps those of its topic, which SimPy's stores cannot. Processes take the oldest.
 
     Parameters
     ----------

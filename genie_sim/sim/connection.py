@@ -78,14 +78,14 @@ class CarConnection(Subscriber):
             for bridge in self._bridges[edge]:
                 bridge.reconnect()
         else:
-            self._bridges[edge] = self.add_bridges(edge, self._model, self._interface)
+            self._bridges[edge] = self.make_bridges(edge, self._model, self._interface)
         self.edge = edge
 
-    def add_bridge(self, bridge: Bridge) -> None:
+    def also_send_over(self, bridge: Bridge) -> None:
         """What goes up goes over another bridge from now on, too."""
         self._further.append(bridge)
 
-    def add_bridges(
+    def make_bridges(
         self, edge_name: str, model: LinkModel, interface: InterfaceUse
     ) -> tuple[Bridge, Bridge]:
         """New links between the car and an edge: what carries frames up, which nothing is sent over

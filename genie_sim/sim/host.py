@@ -15,7 +15,7 @@ from genie_sim.sim.monitor import Resource, SpanLabel
 
 class Processor(Resource):
     """Equal ``units`` behind one first-come-first-served queue: an accelerator, or the
-    cores of a CPU.
+    cores of a CPU. SimPy's own resource can neither stand still nor tell its busy time exactly.
 
     A process that needs one says ``yield from processor.serve(service_ns)``.
     """

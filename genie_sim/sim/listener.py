@@ -11,7 +11,8 @@ from genie_sim.sim.ros_graph import Graph, Subscriber
 
 class CarListener(Subscriber):
     """Node Z, the consumer, which takes the answers to its car's frames from whichever node sends
-    them. It reports each to the monitor, and each frame when it reaches the first node's queue.
+    them. It reports each to the monitor, and each frame when it reaches the first node's queue;
+    what a consumer makes of them is in ``tracks.consumer``.
 
     If not ``is_answered``, frames are dropped at once because no node handles them.
     """

@@ -279,5 +279,6 @@ class Method:
 
     def wire(self, network: "Network") -> None:
         """Adds what else connects the hosts, once all of them are built: links by
-        ``network.add_link``; what goes over them by ``add_bridge`` of a graph or a connection.
+        ``network.add_link``; what goes over them by ``add_bridge`` of a graph, or by
+        ``also_send_over`` of a connection.
         """

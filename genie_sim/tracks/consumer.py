@@ -32,7 +32,9 @@ class Shown(NamedTuple):
 
 
 class Consumer(ABC):
-    """The node that the answers are for. Times are nanoseconds of the clock that stamps frames."""
+    """The node that the answers are for, node Z of the paper: ``judge.map_accuracy`` hands it
+    what the car's ``CarListener`` receives. Times are nanoseconds of the clock that stamps frames.
+    """
 
     def __init__(self) -> None:
         # where the newest frames were taken, to which answers may still come
