@@ -23,9 +23,7 @@ from tests.make import S, answer, seen
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
 scores = st.integers(0, 100).map(lambda percent: percent / 100)
 sightings = st.lists(
-    st.builds(
-        seen, st.sampled_from(["car", "person"]), scores, st.tuples(coordinates, coordinates)
-    ),
+    st.builds(seen, coordinates, coordinates, st.sampled_from(["car", "person"]), scores),
     min_size=15,
     max_size=30,
 )

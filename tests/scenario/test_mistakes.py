@@ -64,6 +64,10 @@ MISTAKES = {
         ("faults[0]={fault: stall, target: edges, begin: 1 s}", "faults[0].target"),
         ("faults[0]={fault: slow, target: car7, begin: 1 s}", "faults[0].target"),
         ("faults[0]={fault: gnss, target: edge1, begin: 1 s}", "faults[0].target"),
+        (
+            "faults[0]={fault: hand_over, target: edge1, edge: edge2, begin: 1 s}",
+            "faults[0].target",
+        ),
         ("faults[0]={fault: camera, target: edge1, begin: 1 s}", "faults[0].target"),
         ("faults[0]={fault: partition, target: [car1, x], begin: 1 s}", "faults[0].target"),
     ],
@@ -110,6 +114,7 @@ MISTAKES = {
         ("cameras=[{name: a, recording: 2}]", "cameras[0].recording"),
         ("methods[0]={method: genie, title: ''}", "methods[0].title"),
         ("methods[0]={method: genie, name: 5}", "methods[0].name"),
+        ("methods[0]={method: genie, name: a b}", "methods[0].name"),
         ("methods[0]={method: my.code:Own, x: null}", "methods[0].x"),
         ("methods[0]={method: foggycache, theta: 1.2}", "methods[0].theta"),
         ("methods[0]={method: foggycache, neighbours: 1}", "methods[0].neighbours"),
@@ -272,3 +277,9 @@ def test_a_mistake_in_the_file_names_its_place(text: str, place: str) -> None:
     with pytest.raises(UserError) as error:
         load_scenario("x.yaml")
     assert str(error.value).startswith(f"x.yaml: {place}") and "\n" not in str(error.value)
+
+
+def test_a_slow_detector_needs_a_request_that_waits_or_none() -> None:
+    Path("x.yaml").write_text(STREET)
+    for setting in ("genie.request_expiry=5 s", "methods=[local, remote]"):
+        load_scenario("x.yaml", ["model=detr_resnet_101_dc5", setting])
