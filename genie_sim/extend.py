@@ -72,7 +72,7 @@ from genie_sim.sim.draw_keys import frame_key
 
 # A metric: a number of a run.
 from genie_sim.analysis.metric import Metric, Sample, HIGHER, LOWER, mean_of, share_of
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.record.columns import Columns
 from genie_sim.analysis.correctness import HITS, is_wrong
 from genie_sim.analysis.frame_metrics import response_ms
@@ -189,7 +189,7 @@ __all__ = [
     # A metric: a number of a run.
     "Metric",
     "Sample",
-    "Measured",
+    "Estimate",
     "Columns",
     "HIGHER",
     "LOWER",
