@@ -323,5 +323,5 @@ hidden_held = Metric(
     HIGHER,
     meaning="Objects that a car holds in its field of view and cannot see, such as behind a house.",
     formula=lambda held: share_of(held, held["hidden"]),
-    rows="held",
+    kind="held",
 )

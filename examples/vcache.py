@@ -234,5 +234,5 @@ wrong_replays = Metric(
     meaning="Share of all answers that come from a cache and have an F1 below 80 % against the "
     "detector's own answer to the same frame.",
     formula=wrong,
-    rows="answers",
+    kind="answers",
 )

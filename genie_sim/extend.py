@@ -132,7 +132,7 @@ from genie_sim.analysis.metric import (
     mean_of as mean_of,
     share_of as share_of,
 )
-from genie_sim.analysis.statistics import Measured as Measured
+from genie_sim.analysis.statistics import Estimate as Estimate
 from genie_sim.record.columns import Columns as Columns
 from genie_sim.analysis.correctness import (
     HITS as HITS,

@@ -16,13 +16,13 @@ from genie_sim.analysis.metric import (
     MAIN,
     RIGHT_F1,
     ZERO_DELAY,
+    Given,
     Metric,
     Sample,
-    Seen,
     Tables,
     share_of,
 )
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
 
@@ -35,27 +35,27 @@ HITS = {
 }
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """The answers of a method, and the hits by where the cache is; what its consumers hold at each
     instant, and in each lap; and, as component ``zero_delay``, the zero-delay detector. It
     is the same for all methods, and is written under the first that a car drives with.
     """
     if "answers" in tables:
         answers = tables["answers"]
-        yield Seen("answers", answers)
+        yield Given("answers", answers)
         results = answers.where(which="result")
         for placement, sources in HITS.items():
-            yield Seen("hits", results.rows(results["source"].isin(sources)), placement)
+            yield Given("hits", results.rows(results["source"].isin(sources)), placement)
     if "held" in tables:
         held = tables["held"].where(what=CONSUMER)
-        yield Seen("held", held)
+        yield Given("held", held)
         zero_delay = tables["held"].where(what=ZERO_DELAY)
         if len(zero_delay):
-            yield Seen("held", zero_delay, component=ZERO_DELAY)
+            yield Given("held", zero_delay, component=ZERO_DELAY)
         if "frames" in tables and tables["frames"]["lap"].max():
             laps = _laps(held, tables["frames"])
             for lap in np.unique(laps).tolist():
-                yield Seen("laps", held.rows(laps == lap), component=f"lap {lap + 1}")
+                yield Given("laps", held.rows(laps == lap), component=f"lap {lap + 1}")
 
 
 def _laps(held: Columns, frames: Columns) -> Any:
@@ -106,10 +106,10 @@ def column_over(held: Columns, above: str, below: str) -> Sample:
     return Sample(held, held[above], held[below])
 
 
-def without_interval(sample: Sample) -> Measured:
+def without_interval(sample: Sample) -> Estimate:
     """The ratio alone."""
     above, below = (float(part.sum()) for part in sample.terms)
-    return Measured(above / below if below else None, n=round(below))
+    return Estimate(above / below if below else None, n=round(below))
 
 
 def _of_held(title: str, better: str, meaning: str, formula: Any, **words: Any) -> Metric:
@@ -120,7 +120,7 @@ def _of_held(title: str, better: str, meaning: str, formula: Any, **words: Any) 
         section=CORRECTNESS,
         meaning=meaning,
         formula=formula,
-        rows="held",
+        kind="held",
         **words,
     )
 
@@ -134,7 +134,7 @@ ANSWERS = {
         meaning="F1 of the first answers, against the detector's own answer to the same frame (a "
         "proxy for the truth).",
         formula=_proxy_f1,
-        rows="answers",
+        kind="answers",
         tier=HEADLINE,
     ),
     "wrong_hit_share": Metric(
@@ -145,7 +145,7 @@ ANSWERS = {
         meaning="Share of the cache hits with an F1 below 80 % against the detector's own answer "
         "to the same frame (a proxy for the truth).",
         formula=lambda hits: share_of(hits, is_wrong(hits)) if len(hits) else None,
-        rows="hits",
+        kind="hits",
         tier=MAIN,
     ),
 }
@@ -224,6 +224,6 @@ METRICS = {
         LAPS,
         meaning="Streaming F1 in one lap of the cars' routes.",
         formula=lambda held: without_interval(f1(held)),
-        rows="laps",
+        kind="laps",
     ),
 }

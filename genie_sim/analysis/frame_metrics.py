@@ -17,16 +17,16 @@ from genie_sim.analysis.metric import (
     RECENT_MS,
     REST,
     SHORT,
+    Given,
     Metric,
     Sample,
-    Seen,
     Tables,
     half_of_pair,
     mean_of,
     share_of,
     times,
 )
-from genie_sim.analysis.statistics import Measured, around
+from genie_sim.analysis.statistics import Estimate, around
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.record.columns import Columns, Floats
 
@@ -52,12 +52,12 @@ class PartOfTime(NamedTuple):
     n: int
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """The frames of a method, and each part of the time of its answers, as component."""
     if "frames" not in tables:
         return
     frames = tables["frames"]
-    yield Seen("frames", frames)
+    yield Given("frames", frames)
     for answer in ANSWERS if "steps" in tables else ():
         n = int((~np.isnan(frames.floats(f"{answer}_answer_ns"))).sum())
         steps = tables["steps"]
@@ -70,14 +70,14 @@ def views(tables: Tables) -> Iterator[Seen]:
         of_parts["hop"] = of_parts.get("hop", 0.0) + to_first_node_ns
         for part, sum_ns in of_parts.items():
             if n and sum_ns:
-                yield Seen("parts", PartOfTime(answer, sum_ns, n), component=part)
+                yield Given("parts", PartOfTime(answer, sum_ns, n), component=part)
 
 
-def pairs(tables: Tables, baselines: Mapping[str, Tables]) -> Iterator[Seen]:
+def pairs(tables: Tables, baselines: Mapping[str, Tables]) -> Iterator[Given]:
     """The frames of a method beside those of each baseline, as component."""
     for name, theirs in baselines.items():
         if "frames" in tables and "frames" in theirs:
-            yield Seen("pairs", PairedFrames(tables["frames"], theirs["frames"]), component=name)
+            yield Given("pairs", PairedFrames(tables["frames"], theirs["frames"]), component=name)
 
 
 def response_ms(frames: Columns, answer: str) -> Floats:
@@ -133,24 +133,24 @@ def _in_time(answer: str, tier: int) -> Metric:
     )
 
 
-def _improvement(pair: PairedFrames) -> Measured:
+def _improvement(pair: PairedFrames) -> Estimate:
     samples: list[Sample] = [mean_of(frames, response_ms(frames, "first")) for frames in pair]
     counts = [int(sample.below.sum()) for sample in samples]
     if not all(counts):
-        return Measured(None)
+        return Estimate(None)
     ours, theirs = (
         float(sample.above.sum()) / n for sample, n in zip(samples, counts, strict=True)
     )
     if not theirs:
-        return Measured(None)
+        return Estimate(None)
     half, _ = half_of_pair(samples, (1 / theirs, -ours / theirs**2))
     value = 1 - ours / theirs
-    return Measured(value, *around(value, half), min(counts))
+    return Estimate(value, *around(value, half), min(counts))
 
 
-def _part(part: PartOfTime, answer: str) -> Measured | None:
+def _part(part: PartOfTime, answer: str) -> Estimate | None:
     """Over all frames that got the answer; the parts add up to the mean response time."""
-    return Measured(part.sum_ns / part.n / NS_PER_MS, n=part.n) if part.answer == answer else None
+    return Estimate(part.sum_ns / part.n / NS_PER_MS, n=part.n) if part.answer == answer else None
 
 
 def _answers(answer: str, tiers: Mapping[str, int], in_time: int) -> dict[str, Metric]:
@@ -211,7 +211,7 @@ METRICS = {
         IMPROVEMENTS,
         meaning="1 - mean first answer of the method / that of the baseline.",
         formula=_improvement,
-        rows="pairs",
+        kind="pairs",
         is_signed=True,
     ),
     **{
@@ -221,7 +221,7 @@ METRICS = {
             LOWER,
             meaning=f"Mean time that a part takes {SPAN} {ANSWERS[answer]}.",
             formula=partial(_part, answer=answer),
-            rows="parts",
+            kind="parts",
         )
         for answer, name in PART.items()
     },

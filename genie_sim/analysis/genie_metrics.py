@@ -11,14 +11,14 @@ from genie_sim.analysis.metric import (
     HIGHER,
     MAIN,
     SHORT,
+    Given,
     Metric,
     Sample,
-    Seen,
     Tables,
     average,
     quotient,
 )
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.record.columns import Columns, Text
 
 if TYPE_CHECKING:
@@ -28,12 +28,12 @@ PLACEMENTS = ("car", "edge")  # of Genies
 GENIES = "Genies"
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """The look-ups of a method's Genies on cars, and on edges."""
     for placement in PLACEMENTS if "lookups" in tables else ():
         rows = tables["lookups"].where(placement=placement)
         if len(rows):
-            yield Seen("lookups", rows, placement)
+            yield Given("lookups", rows, placement)
 
 
 def images(lookups: Columns) -> Columns:
@@ -117,21 +117,21 @@ def last_of_genies(events: Columns) -> list[int]:
     return [int(of_genie["entries"][-1]) for _, of_genie in events.groups("genie")]
 
 
-def _reuse(lookups: Columns) -> Measured:
+def _reuse(lookups: Columns) -> Estimate:
     """With the lowest and the highest ratio that any Genie has had so far at any time."""
     ratios, running = list(reuse(lookups).values()), running_reuse(lookups)["ratio"]
     if not ratios:
-        return Measured(None)
+        return Estimate(None)
     value, n = float(np.mean(ratios)), int(lookups["requests"].sum())
-    return Measured(value, n=n, range_low=float(running.min()), range_high=float(running.max()))
+    return Estimate(value, n=n, range_low=float(running.min()), range_high=float(running.max()))
 
 
-def _pooled(lookups: Columns) -> Measured:
+def _pooled(lookups: Columns) -> Estimate:
     asked = of_clients(lookups)
     return quotient(int(asked["hits"].sum()), int(asked["requests"].sum()))
 
 
-def _boost(lookups: Columns) -> Measured:
+def _boost(lookups: Columns) -> Estimate:
     maps = objects(lookups)
     stored = sum(last_of_genies(maps))
     return quotient(math.fsum(maps["boost_sum"]), stored)
@@ -148,7 +148,7 @@ def _of_lookups(
     title: str, unit: str, meaning: str, formula: Callable[[Columns], Any], **words: Any
 ) -> Metric:
     return Metric(
-        title, unit, section=GENIES, meaning=meaning, formula=formula, rows="lookups", **words
+        title, unit, section=GENIES, meaning=meaning, formula=formula, kind="lookups", **words
     )
 
 

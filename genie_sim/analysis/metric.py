@@ -1,9 +1,9 @@
 """What a metric is: words, and an expression over rows.
 
 A formula is given rows of one method in one place, such as its frames or what its Genies on cars
-were asked (``Metric.rows`` says which), and returns a ``Sample``: what is above and below, row by
+were asked (``Metric.kind`` says which), and returns a ``Sample``: what is above and below, row by
 row. One place makes a number with its interval of that, and the difference of two methods is made
-of the same rows. What has no interval is a plain ``Measured``.
+of the same rows. What has no interval is a plain ``Estimate``.
 """
 
 import math
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.result_table import Cell
-from genie_sim.analysis.statistics import Blocks, Measured, around_mean, percentile, ratio
+from genie_sim.analysis.statistics import Blocks, Estimate, around_mean, percentile, ratio
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.record.columns import Columns, joined
 
@@ -29,7 +29,7 @@ HEADLINE, SHORT, MAIN, REST = range(4)  # tiers
 Tables = Mapping[str, Columns]  # of one method, by name
 
 
-class Seen(NamedTuple):
+class Given(NamedTuple):
     """What a formula is given: rows of this kind, in a placement and of a component."""
 
     kind: str
@@ -57,10 +57,10 @@ class Sample(NamedTuple):
     below: Any
     percent: int = 0
 
-    def measured(self, is_share: bool, intervals: bool = True) -> Measured:
+    def estimate(self, is_share: bool, intervals: bool = True) -> Estimate:
         """The number with its 95 % interval, over blocks of one second of each car."""
         if not len(self.rows) or not np.any(self.below):
-            return Measured(None)
+            return Estimate(None)
         blocks = blocks_of(self.rows) if intervals else None
         if self.percent:
             values = np.where(self.below, self.above, np.nan)
@@ -117,17 +117,17 @@ def share_of(rows: Columns, flags: Any) -> Sample:
     return Sample(rows, flags, np.ones(len(rows)))
 
 
-def quotient(above: float, below: float) -> Measured:
+def quotient(above: float, below: float) -> Estimate:
     """A ratio without an interval."""
-    return Measured(above / below if below else None, n=int(below))
+    return Estimate(above / below if below else None, n=int(below))
 
 
-def average(values: Any) -> Measured:
+def average(values: Any) -> Estimate:
     """The mean of some numbers, without an interval."""
-    return Measured(float(np.mean(values)) if len(values) else None, n=len(values))
+    return Estimate(float(np.mean(values)) if len(values) else None, n=len(values))
 
 
-Formula = Callable[[Any], Sample | Measured | None]
+Formula = Callable[[Any], Sample | Estimate | None]
 
 
 @dataclass(frozen=True)
@@ -147,11 +147,10 @@ class Metric:
     meaning : str
         What it measures, in one sentence that people read.
     formula : callable
-        Returns its number of some rows: a ``Sample``, or a ``Measured`` without an interval;
+        Returns its number of some rows: a ``Sample``, or an ``Estimate`` without an interval;
         ``None`` where it has none there.
-    rows : str
-        What the formula is given: a table's rows of one method (``frames``, ``held``, ``answers``,
-        ``lookups``), or a key of ``registry.KINDS``.
+    kind : str
+        What the formula is given, one of ``registry.KINDS``: ``frames``, ``lookups`` and so on.
     tier : int
         Where it is shown: ``HEADLINE`` in sentences, ``SHORT`` on a terminal after a run and in
         figures for papers, ``MAIN`` in tables and comparisons, ``REST`` in ``summary.md`` and
@@ -168,17 +167,17 @@ class Metric:
     section: str = ""
     meaning: str = ""
     formula: Formula = lambda _: None
-    rows: str = "frames"
+    kind: str = "frames"
     tier: int = REST
     is_signed: bool = False
     needs: int = 0
 
-    def of(self, rows: Any, intervals: bool = True) -> Measured | None:
+    def of(self, rows: Any, intervals: bool = True) -> Estimate | None:
         """Its number of some rows; ``None`` where it has none there."""
         result = self.formula(rows)
         if not isinstance(result, Sample):
             return result
-        number = result.measured(self.unit == "%", intervals)
+        number = result.estimate(self.unit == "%", intervals)
         low, high = self.cut(number.value, number.low, number.high)
         return number._replace(low=low, high=high)
 

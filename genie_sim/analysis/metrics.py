@@ -14,9 +14,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import frame_metrics
-from genie_sim.analysis.metric import Metric, Sample, Seen, Tables
+from genie_sim.analysis.metric import Given, Metric, Sample, Tables
 from genie_sim.analysis.registry import METRICS, MODULES, own_metrics
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of
 from genie_sim.base.plugins import is_own, own_faults_told
 from genie_sim.base.text import significant
@@ -55,25 +55,25 @@ def compute(
     """
     by_kind: dict[str, dict[str, Metric]] = {}
     for name, metric in {**METRICS, **own_metrics(own)}.items():
-        by_kind.setdefault(metric.rows, {})[name] = metric
+        by_kind.setdefault(metric.kind, {})[name] = metric
     columns = {name: Columns.of(table) for name, table in tables.items()}
     by_method = {method.name: of_method(columns, method.name) for method in methods}
     baselines = {method.name: by_method[method.name] for method in methods if method.baseline}
     measured = []
     for method in methods:
         against = {} if method.baseline else baselines
-        for seen in (
+        for given in (
             *views(by_method[method.name]),
             *frame_metrics.pairs(by_method[method.name], against),
         ):
-            for name, metric in by_kind.get(seen.kind, {}).items():
-                number = _number(name, metric, seen.rows, intervals)
+            for name, metric in by_kind.get(given.kind, {}).items():
+                number = _number(name, metric, given.rows, intervals)
                 if number is not None:
                     value = MetricValue(
                         name,
                         method.name,
-                        seen.placement,
-                        seen.component,
+                        given.placement,
+                        given.component,
                         unit=metric.unit_in_files,
                         **number._asdict(),
                     )
@@ -91,7 +91,7 @@ def of_method(tables: Tables, method: str) -> dict[str, Columns]:
     return {name: table for name, table in of_one.items() if len(table)}
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """What formulas are given, of the tables of one method."""
     for module in MODULES:
         yield from module.views(tables)
@@ -100,16 +100,16 @@ def views(tables: Tables) -> Iterator[Seen]:
 def samples(metrics: Mapping[str, Metric], tables: Tables) -> dict[str, Sample]:
     """Of each metric that is made of rows those of a method as a whole."""
     of_whole: dict[str, Sample] = {}
-    for seen in views(tables):
-        if (seen.placement, seen.component) == ("all", ""):
+    for given in views(tables):
+        if (given.placement, given.component) == ("all", ""):
             for name, metric in metrics.items():
-                sample = metric.formula(seen.rows) if metric.rows == seen.kind else None
+                sample = metric.formula(given.rows) if metric.kind == given.kind else None
                 if isinstance(sample, Sample):
                     of_whole[name] = sample
     return of_whole
 
 
-def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured | None:
+def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate | None:
     """A metric's number. Raises ``UserError`` for whatever goes wrong in one of the user's own."""
     if not is_own(name):
         return metric.of(rows, intervals)
@@ -123,10 +123,10 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured |
         raise UserError(text) from error
     if number is None:
         return None
-    if not isinstance(number, Measured):
-        text = f"its formula must return a Sample, Measured or None, not {short_repr(number)}"
+    if not isinstance(number, Estimate):
+        text = f"its formula must return a Sample, Estimate or None, not {short_repr(number)}"
         raise UserError(f"metric {name!r}: {text}")
-    return Measured(*(_finite(name, field, end) for field, end in number._asdict().items()))
+    return Estimate(*(_finite(name, field, end) for field, end in number._asdict().items()))
 
 
 def _finite(name: str, field: str, number: Any) -> Any:

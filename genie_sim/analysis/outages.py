@@ -11,8 +11,8 @@ import numpy as np
 
 from genie_sim.analysis.correctness import false_objects, recall, without_interval
 from genie_sim.analysis.frame_metrics import is_answered
-from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Seen, Tables, average
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.metric import HIGHER, LOWER, Given, Metric, Tables, average
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
@@ -31,7 +31,7 @@ class Fault(NamedTuple):
     end_ns: float
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """The phases of a method's first fault, and the fault."""
     if "faults" not in tables or "frames" not in tables:
         return
@@ -43,17 +43,17 @@ def views(tables: Tables) -> Iterator[Seen]:
     yield from _phases("frames of a phase", fault.frames, fault)
     if "held" in tables:
         yield from _phases("held in a phase", tables["held"].where(what=CONSUMER), fault)
-    yield Seen("fault", fault)
+    yield Given("fault", fault)
 
 
-def _phases(kind: str, rows: Columns, fault: Fault) -> Iterator[Seen]:
+def _phases(kind: str, rows: Columns, fault: Fault) -> Iterator[Given]:
     stamps_ns = rows["stamp_ns"]
     phases = (stamps_ns >= fault.begin_ns).astype(int) + (stamps_ns >= fault.end_ns)
     for number, phase in enumerate(PHASES):
-        yield Seen(kind, rows.rows(phases == number), component=phase)
+        yield Given(kind, rows.rows(phases == number), component=phase)
 
 
-def _recovery(fault: Fault) -> Measured:
+def _recovery(fault: Fault) -> Estimate:
     after_ns = fault.frames["stamp_ns"] - fault.end_ns
     is_fresh = is_answered(fault.frames, "fresh")
     before = is_fresh[fault.frames["stamp_ns"] < fault.begin_ns]
@@ -61,11 +61,11 @@ def _recovery(fault: Fault) -> Measured:
         windows = after_ns // WINDOW_NS
         for window in np.unique(windows[windows >= 0]):
             if is_fresh[windows == window].mean() >= RECOVERED * float(before.mean()):
-                return Measured(float(window) * WINDOW_NS / NS_PER_S)
-    return Measured(None)
+                return Estimate(float(window) * WINDOW_NS / NS_PER_S)
+    return Estimate(None)
 
 
-def _around(title: str, better: str, meaning: str, formula: Any, rows: str) -> Metric:
+def _around(title: str, better: str, meaning: str, formula: Any, kind: str) -> Metric:
     return Metric(
         f"{title} around a fault",
         "%",
@@ -74,7 +74,7 @@ def _around(title: str, better: str, meaning: str, formula: Any, rows: str) -> M
         meaning=f"{meaning}, before, during or after the first fault that is no hand-over (the "
         "component).",
         formula=formula,
-        rows=rows,
+        kind=kind,
     )
 
 
@@ -94,7 +94,7 @@ METRICS = {
         meaning="From the end of the first fault to the first half second with 95 % of the share "
         "of fresh results before it.",
         formula=_recovery,
-        rows="fault",
+        kind="fault",
     ),
     "fault_recall": _around(
         "recall of visible objects",

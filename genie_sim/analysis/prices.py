@@ -18,13 +18,13 @@ from genie_sim.analysis.metric import (
     LOWER,
     MAIN,
     REST,
+    Given,
     Metric,
     Sample,
-    Seen,
     Tables,
     quotient,
 )
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
 
@@ -127,7 +127,7 @@ class Hosts(NamedTuple):
         return float(self.hosts[column].sum()) / unit
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """All hosts of a method, and those on cars and on edges."""
     if "hosts" not in tables or "frames" not in tables:
         return
@@ -136,28 +136,28 @@ def views(tables: Tables) -> Iterator[Seen]:
     for placement in ("all", "car", "edge"):
         rows = hosts if placement == "all" else hosts.where(placement=placement)
         if len(rows):
-            yield Seen("hosts", Hosts(rows, tables.get("power"), len(frames)), placement)
+            yield Given("hosts", Hosts(rows, tables.get("power"), len(frames)), placement)
 
 
-def _batches(hosts: Hosts) -> Measured | None:
+def _batches(hosts: Hosts) -> Estimate | None:
     on_edges = (hosts.hosts["placement"] == "edge").all()
     batches = hosts.sum("batches")
     return quotient(hosts.sum("pictures"), batches) if on_edges and batches else None
 
 
-def _energy(hosts: Hosts) -> Measured:
+def _energy(hosts: Hosts) -> Estimate:
     n = hosts.frames
     value, low, high = (
         None if of_end is None or not n else of_end / n
         for of_end in energy(hosts.hosts, hosts.power).joules
     )
-    return Measured(value, n=n, range_low=low, range_high=high)
+    return Estimate(value, n=n, range_low=low, range_high=high)
 
 
 def _of_hosts(
     title: str, unit: str, meaning: str, formula: Callable[[Hosts], Any], **words: Any
 ) -> Metric:
-    words = {"better": LOWER, "rows": "hosts"} | words
+    words = {"better": LOWER, "kind": "hosts"} | words
     return Metric(title, unit, section=PRICES, meaning=meaning, formula=formula, **words)
 
 
@@ -186,14 +186,14 @@ METRICS = {
         "accelerator time",
         "s",
         "Time that accelerators worked, summed over them.",
-        lambda hosts: Measured(hosts.sum("accelerator_ns", NS_PER_S), n=len(hosts.hosts)),
+        lambda hosts: Estimate(hosts.sum("accelerator_ns", NS_PER_S), n=len(hosts.hosts)),
         tier=MAIN,
     ),
     "cpu_time": _of_hosts(
         "CPU time",
         "s",
         "Time that CPU cores worked, summed over them.",
-        lambda hosts: Measured(hosts.sum("cpu_ns", NS_PER_S), n=len(hosts.hosts)),
+        lambda hosts: Estimate(hosts.sum("cpu_ns", NS_PER_S), n=len(hosts.hosts)),
     ),
     "batch_size": _of_hosts(
         "pictures per batch",
@@ -218,7 +218,7 @@ def unknown_powers(runs: Sequence[Tables], methods: Sequence[str]) -> list[str]:
     for tables in runs:
         for method in methods:
             of_method = {name: tables[name].where(method=method) for name in READ if name in tables}
-            for seen in views({name: rows for name, rows in of_method.items() if len(rows)}):
-                hosts: Hosts = seen.rows
+            for given in views({name: rows for name, rows in of_method.items() if len(rows)}):
+                hosts: Hosts = given.rows
                 unknown.update(dict.fromkeys(energy(hosts.hosts, hosts.power).unknown))
     return list(unknown)

@@ -60,7 +60,7 @@ METRICS: Mapping[str, Metric] = {
 }
 
 
-KINDS = tuple(dict.fromkeys(metric.rows for metric in METRICS.values()))
+KINDS = tuple(dict.fromkeys(metric.kind for metric in METRICS.values()))
 Words = Mapping[str, Mapping[str, Any]]  # what results say of each metric, by its name
 NO_WORDS: Words = {}
 
@@ -75,8 +75,8 @@ def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
         if not isinstance(metric, Metric):
             base = f"{Metric.__module__}.{Metric.__name__}"
             raise UserError(f"metric {name!r}: is no {base}, but {short_repr(metric)}")
-        if metric.rows not in KINDS:
-            raise UserError(f"metric {name!r}: rows: {unknown('kind', metric.rows, KINDS)}")
+        if metric.kind not in KINDS:
+            raise UserError(f"metric {name!r}: kind: {unknown('kind', metric.kind, KINDS)}")
         _check_words(f"metric {name!r}", vars(metric))
         titles = {known.title: other for other, known in {**METRICS, **own}.items()}
         if metric.title in titles:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Metric, Seen, Tables
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.metric import LOWER, MAIN, Given, Metric, Tables
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MetricValue
@@ -41,7 +41,7 @@ class Use(NamedTuple):
         ends = np.searchsorted(self.samples["t_ns"], [begin_ns, end_ns], side="right")
         return float(np.diff(counts[ends])[0])
 
-    def rate(self, column: str, capacity: float = 1.0) -> Measured | None:
+    def rate(self, column: str, capacity: float = 1.0) -> Estimate | None:
         """Growth per second while its host takes frames; ``None`` without a capacity or a time."""
         seconds = (self.end_ns - self.begin_ns) / NS_PER_S
         if np.isnan(capacity) or not seconds > 0:
@@ -50,10 +50,10 @@ class Use(NamedTuple):
         t_ns = self.samples["t_ns"]
         n = int(((t_ns >= self.begin_ns) & (t_ns <= self.end_ns)).sum())
         growth = self.grown(column, self.begin_ns, self.end_ns) / unit
-        return Measured(growth / (capacity * seconds), n=n)
+        return Estimate(growth / (capacity * seconds), n=n)
 
 
-def views(tables: Tables) -> Iterator[Seen]:
+def views(tables: Tables) -> Iterator[Given]:
     """Each resource of a method; a link has the placement ``all``."""
     if "resources" not in tables:
         return
@@ -78,7 +78,7 @@ def views(tables: Tables) -> Iterator[Seen]:
         begin_ns, end_ns = (within[0], within[-1]) if len(within) else (0.0, 0.0)
         placement = "car" if hosts_of[0] in driven else "edge"
         use = Use(samples, float(begin_ns), float(end_ns), counted_ns)
-        yield Seen("resources", use, "all" if len(hosts_of) > 1 else placement, name)
+        yield Given("resources", use, "all" if len(hosts_of) > 1 else placement, name)
 
 
 def busiest(metrics: Iterable[MetricValue]) -> list[str]:
@@ -91,12 +91,12 @@ def busiest(metrics: Iterable[MetricValue]) -> list[str]:
     return sorted(used, key=lambda name: (-highest[name], name))
 
 
-def _utilization(use: Use) -> Measured | None:
+def _utilization(use: Use) -> Estimate | None:
     return use.rate("busy_ns", float(use.samples.floats("capacity")[-1]))
 
 
-def _dropped(use: Use) -> Measured:
-    return Measured(int(use.grown("dropped", use.counted_ns)), n=len(use.samples))
+def _dropped(use: Use) -> Estimate:
+    return Estimate(int(use.grown("dropped", use.counted_ns)), n=len(use.samples))
 
 
 METRICS = {
@@ -107,7 +107,7 @@ METRICS = {
         meaning="Share of the time in which a device or link works; on a car, of the time in which "
         "it drives.",
         formula=_utilization,
-        rows="resources",
+        kind="resources",
         tier=MAIN,
     ),
     "queue_mean": Metric(
@@ -117,14 +117,14 @@ METRICS = {
         meaning="Mean number of messages that wait, over time; on a car, over the time in which it "
         "drives.",
         formula=lambda use: use.rate("queue_ns"),
-        rows="resources",
+        kind="resources",
     ),
     "throughput": Metric(
         "throughput",
         "1/s",
         meaning="Messages completed per second; on a car, of the time in which it drives.",
         formula=lambda use: use.rate("completed"),
-        rows="resources",
+        kind="resources",
     ),
     "dropped": Metric(
         "messages dropped",
@@ -132,6 +132,6 @@ METRICS = {
         LOWER,
         meaning="Messages dropped until the end.",
         formula=_dropped,
-        rows="resources",
+        kind="resources",
     ),
 }

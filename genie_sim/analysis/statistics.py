@@ -187,7 +187,7 @@ def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
     return max((middle - reach) / (1 + k), 0.0), min((middle + reach) / (1 + k), 1.0)
 
 
-class Measured(NamedTuple):
+class Estimate(NamedTuple):
     """A number, the ends of its 95 % interval, over how many rows it is, and the lowest and the
     highest value that something has where it is one of several.
     """
@@ -200,7 +200,7 @@ class Measured(NamedTuple):
     range_high: float | None = None
 
 
-def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = True) -> Measured:
+def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = True) -> Estimate:
     """The ratio of two sums over rows with its interval, Wilson's for a share.
 
     Parameters
@@ -214,14 +214,14 @@ def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = 
     """
     whole = float(below.sum())
     if not whole:
-        return Measured(None)
+        return Estimate(None)
     value, n = float(above.sum() / whole), round(whole)
     half = None if blocks is None else blocks.half_width(blocks.influence(above, below))
     low, high = wilson(value, half, n) if is_share and half is not None else around(value, half)
-    return Measured(value, low, high, n)
+    return Estimate(value, low, high, n)
 
 
-def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Measured:
+def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Estimate:
     """A percentile of the values that are not NaN; without blocks, without an interval.
 
     Its interval is Woodruff's: the interval of the share of values below it, read back through the
@@ -230,17 +230,17 @@ def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Measured:
     known = ~np.isnan(values)
     n = int(known.sum())
     if not n:
-        return Measured(None)
+        return Estimate(None)
     value = float(np.percentile(values[known], percent))
     below = known & (values <= value)
     half = None
     if blocks is not None and n * (100 - percent) >= 100:  # of p99 a hundred answers
         half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
     if half is None:
-        return Measured(value, n=n)
+        return Estimate(value, n=n)
     rank = percent / 100
     low, high = np.quantile(values[known], [max(rank - half, 0.0), min(rank + half, 1.0)]).tolist()
-    return Measured(value, low, high, n)
+    return Estimate(value, low, high, n)
 
 
 def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:

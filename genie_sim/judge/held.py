@@ -35,7 +35,7 @@ class Held(NamedTuple):
         return Held(*(column[selection] for column in self))
 
 
-def held(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Held:
+def shown_objects(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Held:
     """Returns what is held in each scene: its time [ns], and what answers show then."""
     lists: list[Sequence[Detection]] = []
     shown: list[tuple[int, int, int]] = []  # scene and rank of each list, for how long it holds

@@ -73,39 +73,36 @@ class HeldSpans:
         """The objects of a window, and of each instant its camera, its number among those of the
         camera, and its time [ns].
         """
-        earlier = [
-            self._open.pop(code) for code in np.unique(camera).tolist() if code in self._open
-        ]
         # The instants by camera and turn; turn -1 is the camera's last one before the window.
         instants = np.full((int(camera.max()) + 1, int(turn.max()) + 2), NONE)
         instants[camera, turn] = np.arange(len(turn))
         begin_ns = now_ns[instants[judged.camera, judged.turn]]
-        begin_ns = np.concatenate([begin_ns, *(begins_ns for _, begins_ns in earlier)])
-        parts = [judged, *(of_camera for of_camera, _ in earlier)]
-        judged = JudgedObjects(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        spans, begin_ns = _spans(*self._with_open(judged, begin_ns, camera))
 
-        order = np.lexsort((judged.order, judged.turn, *judged.keys))
-        judged, begin_ns = judged.rows(order), begin_ns[order]
-        is_other = np.ones(len(order), dtype=bool)
-        is_other[1:] = np.any([key[1:] != key[:-1] for key in judged.keys], axis=0)
-        step = np.diff(judged.turn, prepend=0)
-        # An object that is held twice at an instant counts once, and from that instant on.
-        once = np.flatnonzero(is_other | (step != 0))
-        is_twice = np.diff(once, append=len(order)) > 1
-        judged, begin_ns = judged.rows(once), begin_ns[once]
-        is_begin = (is_other | (step != 1))[once]
-        since = np.maximum.accumulate(np.where(is_begin | is_twice, np.arange(len(once)), 0))
-        is_last = np.append(is_begin[1:], True)[: len(once)]
-        judged, begin_ns = judged.rows(is_last), begin_ns[since][is_last]
+        end = instants[spans.camera, spans.turn + 1]
+        over = np.flatnonzero(end != NONE)
+        over = over[np.lexsort((spans.order[over], end[over]))]
+        self._write(spans.rows(over), begin_ns[over], now_ns[end[over]])
+        self._keep_open(spans.rows(end == NONE), begin_ns[end == NONE])
 
-        end = instants[judged.camera, judged.turn + 1]
-        over, still = np.flatnonzero(end != NONE), np.flatnonzero(end == NONE)
-        over = over[np.lexsort((judged.order[over], end[over]))]
-        self._write(judged.rows(over), begin_ns[over], now_ns[end[over]])
-        for code in np.unique(judged.camera[still]).tolist():
-            rows = still[judged.camera[still] == code]
-            rows = rows[np.argsort(judged.order[rows])]
-            of_camera = judged.rows(rows)._replace(turn=np.full(len(rows), -1))
+    def _with_open(
+        self, judged: JudgedObjects, begin_ns: Array, camera: Array
+    ) -> tuple[JudgedObjects, Array]:
+        """These objects, and since when each is so [ns], with those that are open of the cameras,
+        which are open no more.
+        """
+        codes = [code for code in np.unique(camera).tolist() if code in self._open]
+        parts = [(judged, begin_ns), *map(self._open.pop, codes)]
+        columns = zip(*(objects for objects, _ in parts), strict=True)
+        begins_ns = np.concatenate([begins_ns for _, begins_ns in parts])
+        return JudgedObjects(*map(np.concatenate, columns)), begins_ns
+
+    def _keep_open(self, spans: JudgedObjects, begin_ns: Array) -> None:
+        """Keeps what was judged at the last instant of its camera, which is turn -1 from now on."""
+        for code in np.unique(spans.camera).tolist():
+            rows = np.flatnonzero(spans.camera == code)
+            rows = rows[np.argsort(spans.order[rows])]
+            of_camera = spans.rows(rows)._replace(turn=np.full(len(rows), -1))
             self._open[code] = of_camera, begin_ns[rows]
 
     def close(self) -> None:
@@ -129,3 +126,33 @@ class HeldSpans:
             "end_ns": end_ns,
         }
         self._table.extend_columns(Columns(columns))
+
+
+def _spans(judged: JudgedObjects, begin_ns: Array) -> tuple[JudgedObjects, Array]:
+    """Of objects at instants, and since when each is so as far as its row tells [ns], the spans
+    without a gap: the row of the last instant of each, and since when the span is.
+
+    An object that is held twice at an instant counts once, and from that instant on. Four rows of
+    an object, three of them distinct, which make two spans::
+
+        turn          3    4    6    6
+        begin_ns     30   40   60   60
+        is_distinct   x    x    x
+        is_begin      x         x
+        is_last            x    x
+        span         30 to 4   60 to 6
+    """
+    order = np.lexsort((judged.order, judged.turn, *judged.keys))
+    judged, begin_ns = judged.rows(order), begin_ns[order]
+    is_other = np.ones(len(order), dtype=bool)
+    is_other[1:] = np.any([key[1:] != key[:-1] for key in judged.keys], axis=0)
+    turns_since = np.diff(judged.turn, prepend=0)
+    distinct = np.flatnonzero(is_other | (turns_since != 0))
+    is_twice = np.diff(distinct, append=len(order)) > 1
+    is_begin = (is_other | (turns_since != 1))[distinct]
+    judged, begin_ns = judged.rows(distinct), begin_ns[distinct]
+
+    counted_from = np.where(is_begin | is_twice, np.arange(len(distinct)), 0)
+    first_row = np.maximum.accumulate(counted_from)
+    is_last = np.append(is_begin[1:], True)[: len(distinct)]
+    return judged.rows(is_last), begin_ns[first_row][is_last]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.core.messages import Detections, Image
-from genie_sim.judge.held import Held, held
+from genie_sim.judge.held import Held, shown_objects
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
 from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
 from genie_sim.judge.objects import Objects
@@ -37,7 +37,7 @@ class _Judged(NamedTuple):
     match.
     """
 
-    held: Held
+    items: Held
     label: Array
     judgement: Array
     pairs: Pairs
@@ -60,7 +60,7 @@ class MapAccuracy:
         same under every method.
     make_consumer : callable
         Makes the consumer of one car.
-    objects : Table, optional
+    held_objects : Table, optional
         Gets a row per object that is held or missed (``records.HELD_OBJECTS``).
     all_streams : bool
         Whether the frames of every stream of a car are instants at which it is judged, within their
@@ -83,7 +83,7 @@ class MapAccuracy:
         earlier_cars: Collection[str] = (),
         make_consumer: Callable[[], Consumer] = Newest,
         *,
-        objects: Table | None = None,
+        held_objects: Table | None = None,
         all_streams: bool = False,
         window: int | None = None,
     ) -> None:
@@ -105,9 +105,9 @@ class MapAccuracy:
         self._cars.update((car, number) for number, car in enumerate(truths))
         self._recent_places = RecentPlaces()
         self._spans: HeldSpans | None = None
-        if objects is not None:
+        if held_objects is not None:
             self._spans = HeldSpans(
-                method, objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
+                method, held_objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
             )
         # of this window
         self._scenes: list[JudgedScene] = []
@@ -158,22 +158,14 @@ class MapAccuracy:
         """Judges each object in view, of a class that the truth knows."""
         objects = self.objects
         shown = (scene.shown for scene in self._scenes)
-        items = held(objects, zip(views.now_ns.tolist(), shown, strict=True))
+        items = shown_objects(objects, zip(views.now_ns.tolist(), shown, strict=True))
         known = objects.columns().rows(items.number)
-        counts = views.see(items.scene, items.east_m, items.north_m)
-        counts &= self._knows(views.car[items.scene], known.label)
-        items, known = items.rows(counts), known.rows(counts)
+        is_judged = views.see(items.scene, items.east_m, items.north_m)
+        is_judged &= self._knows(views.car[items.scene], known.label)
+        items, known = items.rows(is_judged), known.rows(is_judged)
 
-        classes, tolerance_m = len(self._labels), views.tolerance_m[items.scene]
-        pairs = near(
-            GroupedPlaces(items.scene * classes + known.class_, items.east_m, items.north_m),
-            GroupedPlaces(
-                visible.scene * classes + visible.class_, visible.east_m, visible.north_m
-            ),
-            float(views.tolerance_m.max()),
-        )
-        scene = items.scene[pairs.ours]
-        pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
+        pairs = self._pairs(items, known.class_, visible, reach_m=float(views.tolerance_m.max()))
+        tolerance_m = views.tolerance_m[items.scene]
         within = np.flatnonzero(pairs.distance_m2 <= (tolerance_m * tolerance_m)[pairs.ours])
         is_match = np.zeros(len(pairs.ours), dtype=bool)
         is_match[within[matches(pairs.rows(within))]] = True
@@ -189,12 +181,25 @@ class MapAccuracy:
         moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
         judgement[others[moved_away]] = MOVED_AWAY
         return _Judged(
-            items,
+            items=items,
             label=known.label,
             judgement=judgement,
             pairs=pairs,
             is_match=is_match,
         )
+
+    def _pairs(self, items: Held, class_: Array, visible: Visible, reach_m: float) -> Pairs:
+        """The pairs of a held and a visible object of one class, scene by scene, nearest first."""
+        classes = len(self._labels)
+        pairs = near(
+            GroupedPlaces(items.scene * classes + class_, items.east_m, items.north_m),
+            GroupedPlaces(
+                visible.scene * classes + visible.class_, visible.east_m, visible.north_m
+            ),
+            reach_m,
+        )
+        scene = items.scene[pairs.ours]
+        return pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
 
     def _knows(self, car: Array, label: Array) -> Array:
         """Which labels the truths of the cars know."""
@@ -239,18 +244,18 @@ class MapAccuracy:
 
     def _count(self, views: SceneViews, visible: Visible, judged: _Judged) -> None:
         """Writes the rows of ``held``."""
-        items, judgement, pairs = judged.held, judged.judgement, judged.pairs
+        items, judgement, pairs = judged.items, judged.judgement, judged.pairs
         scenes = len(views.now_ns)
 
-        counts = [
-            _counts(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
+        by_judgement = [
+            _per_scene(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
         of_pairs = items.scene[pairs.ours]
         moving = visible.moving == 1
         found = np.zeros(len(moving), dtype=bool)
         found[pairs.theirs[judged.is_match]] = True
         errors_m = np.sqrt(pairs.distance_m2[judged.is_match])
-        right = counts[RIGHT]
+        right = by_judgement[RIGHT]
         with np.errstate(invalid="ignore"):
             error_m = (
                 np.bincount(of_pairs[judged.is_match], weights=errors_m, minlength=scenes) / right
@@ -261,16 +266,16 @@ class MapAccuracy:
             "car": Text.of(views.car, list(self._cars)),
             "stamp_ns": views.now_ns,
             # what is there and cannot be seen is neither right nor wrong
-            "held": _counts(items.scene, judgement != HIDDEN, scenes),
+            "held": _per_scene(items.scene, judgement != HIDDEN, scenes),
             "right": right,
-            "moved_away": counts[MOVED_AWAY],
-            "never_there": counts[NEVER_THERE],
-            "duplicate": counts[DUPLICATE],
-            "hidden": counts[HIDDEN],
-            "visible_static": _counts(visible.scene, ~moving, scenes),
-            "found_static": _counts(visible.scene, found & ~moving, scenes),
-            "visible_moving": _counts(visible.scene, moving, scenes),
-            "found_moving": _counts(visible.scene, found & moving, scenes),
+            "moved_away": by_judgement[MOVED_AWAY],
+            "never_there": by_judgement[NEVER_THERE],
+            "duplicate": by_judgement[DUPLICATE],
+            "hidden": by_judgement[HIDDEN],
+            "visible_static": _per_scene(visible.scene, ~moving, scenes),
+            "found_static": _per_scene(visible.scene, found & ~moving, scenes),
+            "visible_moving": _per_scene(visible.scene, moving, scenes),
+            "found_moving": _per_scene(visible.scene, found & moving, scenes),
             "error_m": error_m,
         }
         self._table.extend_columns(Columns(columns))
@@ -279,7 +284,7 @@ class MapAccuracy:
         self, spans: HeldSpans, views: SceneViews, visible: Visible, judged: _Judged
     ) -> None:
         """Notes since when each object is judged as it is."""
-        items, codes = judged.held, spans.cameras
+        items, codes = judged.items, spans.cameras
         is_held = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
         is_missed = views.is_consumer[visible.scene]
         is_missed[judged.pairs.theirs[judged.is_match]] = False
@@ -306,6 +311,6 @@ class MapAccuracy:
         spans.add(objects, camera[instants], turn[instants], views.now_ns[instants])
 
 
-def _counts(scene: Array, selection: Array, scenes: int) -> Array:
+def _per_scene(scene: Array, selection: Array, scenes: int) -> Array:
     """How many are selected in each scene."""
     return np.bincount(scene[selection], minlength=scenes)

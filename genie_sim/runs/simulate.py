@@ -243,6 +243,6 @@ def make_judge(
         tables["held"],
         earlier_cars=earlier_cars,
         make_consumer=partial(setup.settings.consumer.new, setup.laws),
-        objects=tables["held_objects"] if "held_objects" in record else None,
+        held_objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.scenario.judged == "all",
     )

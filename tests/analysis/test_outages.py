@@ -40,7 +40,7 @@ def metrics(faults: list[tuple], frames: list[tuple], held: list[tuple] | None =
     found = {}
     for seen in outages.views(tables):
         for name, metric in outages.METRICS.items():
-            if metric.rows == seen.kind:
+            if metric.kind == seen.kind:
                 number = metric.of(seen.rows)
                 found[name, seen.component] = number.value, number.n
     return found

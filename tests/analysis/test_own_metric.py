@@ -25,7 +25,7 @@ import math
 import sys
 from dataclasses import replace
 import numpy as np
-from genie_sim.analysis.statistics import Measured
+from genie_sim.analysis.statistics import Estimate
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import LOWER, Metric, mean_of, share_of
 
@@ -35,7 +35,7 @@ slow = Metric(
 )
 plain = Metric("a number", "", formula=lambda frames: mean_of(frames, response_ms(frames, "first")))
 raises = replace(slow, formula=lambda frames: share_of(frames, frames["nothing"]))
-rowless = replace(slow, rows="nothing")
+rowless = replace(slow, kind="nothing")
 exits = replace(slow, formula=lambda frames: exit(0))
 leaves = replace(slow, formula=sys.exit)
 numbered = replace(slow, title=5)
@@ -44,10 +44,10 @@ best = replace(slow, better="best")
 unnamed = replace(slow, title=" ")
 twin = replace(slow, title="first answer, mean")
 returns = replace(slow, formula=lambda frames: 0.5)
-infinite = replace(slow, formula=lambda frames: Measured(math.inf))
-undefined = replace(slow, formula=lambda frames: Measured(1, low=math.nan))
-huge = replace(slow, formula=lambda frames: Measured(10**400))
-of_numpy = replace(slow, formula=lambda frames: Measured(np.float32(3), n=np.int64(2)))
+infinite = replace(slow, formula=lambda frames: Estimate(math.inf))
+undefined = replace(slow, formula=lambda frames: Estimate(1, low=math.nan))
+huge = replace(slow, formula=lambda frames: Estimate(10**400))
+of_numpy = replace(slow, formula=lambda frames: Estimate(np.float32(3), n=np.int64(2)))
 other = "text"
 """
 
@@ -139,8 +139,8 @@ def test_words_that_are_none_are_refused_in_one_line(told: object):
         ("best", "better: 'best'; known: lower, higher"),
         ("unnamed", "title: is empty"),
         ("twin", "title: 'first answer, mean' is that of first_answer_mean, too"),
-        ("rowless", "rows: unknown kind 'nothing'; known: "),
-        ("returns", "must return a Sample, Measured or None, not 0.5"),
+        ("rowless", "kind: unknown kind 'nothing'; known: "),
+        ("returns", "must return a Sample, Estimate or None, not 0.5"),
         ("infinite", "value must be a finite number, or None where it is not defined, not inf"),
         ("undefined", "low must be a finite number"),
         ("huge", "value must be a finite number"),

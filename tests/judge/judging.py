@@ -81,7 +81,7 @@ def judged(
     rows.
     """
     table = Table(HELD)
-    judge = MapAccuracy("genie", {"car1": Street()}, table, earlier_cars, objects=objects)
+    judge = MapAccuracy("genie", {"car1": Street()}, table, earlier_cars, held_objects=objects)
     for number, (frame, answer) in enumerate(steps):
         header = Header(number * S // 10, "camera_02", "car1")
         judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))

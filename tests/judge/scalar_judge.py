@@ -61,10 +61,10 @@ class ScalarJudge:
         earlier_cars: Sequence[str] = (),
         make_consumer: Callable[[], Consumer] = Newest,
         *,
-        objects: Table,
+        held_objects: Table,
         all_streams: bool = False,
     ) -> None:
-        self.method, self.truths, self.table, self.objects = method, truths, table, objects
+        self.method, self.truths, self.table, self.objects = method, truths, table, held_objects
         self.earlier_cars, self.all_streams = earlier_cars, all_streams
         self.consumers = {car: make_consumer() for car in truths}
         self.first_streams: dict[str, str] = {}

@@ -171,7 +171,7 @@ def test_every_stream_is_judged_where_it_looks_if_all_are():
     """A car stands east, seen by the first camera, and one north, seen by the second."""
     table, objects = Table(HELD), Table(HELD_OBJECTS)
     judge = MapAccuracy(
-        "genie", {"car1": Street()}, table, ["car1"], objects=objects, all_streams=True
+        "genie", {"car1": Street()}, table, ["car1"], held_objects=objects, all_streams=True
     )
     north = POSE._replace(heading_rad=math.pi / 2)
     for number in range(3):

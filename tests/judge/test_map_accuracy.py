@@ -164,7 +164,7 @@ def test_windows_of_any_size_are_judged_as_one_object_after_the_other(
     for make in (partial(MapAccuracy, window=window), ScalarJudge):
         tables = Table(HELD), Table(HELD_OBJECTS)
         judge = make(
-            "genie", CARS, tables[0], without_delay, objects=tables[1], all_streams=all_streams
+            "genie", CARS, tables[0], without_delay, held_objects=tables[1], all_streams=all_streams
         )
         with patch.object(objects, "MAX_KEPT", 30):
             drive(judge, seed, moments=8)

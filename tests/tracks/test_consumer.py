@@ -21,7 +21,7 @@ from tests.tracks.looks import FOV, after, look, tracks
 def held(consumer, t_s: float) -> list[tuple[str, float]]:
     now_ns = round(t_s * S)
     objects = Objects()
-    items = recording_held.held(objects, [(now_ns, consumer.shown(now_ns))])
+    items = recording_held.shown_objects(objects, [(now_ns, consumer.shown(now_ns))])
     names, codes = list(objects.labels), objects.columns().label[items.number]
     return [
         (names[code], round(east_m, 1)) for code, east_m in zip(codes, items.east_m, strict=True)
