@@ -46,11 +46,11 @@ def export(
     """Write a run for Foxglove or RViz."""
     from genie_sim.analysis.seed_runs import load_run
 
+    run = _of_methods(load_run(folder, allow_changed=allow_changed), listed("--methods", methods))
     write = add_ons.offered(add_ons.EXPORTERS, format)
     if write is None:
         known = {*FORMATS, *add_ons.names(add_ons.EXPORTERS)}
         raise UserError(f"--format: {unknown('format', format, known)}")
-    run = _of_methods(load_run(folder, allow_changed=allow_changed), listed("--methods", methods))
     path = out if out is not None else folder / f"run.{format}"
     click.echo(f"{path}: {write(run, path):,} entries")
 

@@ -47,7 +47,7 @@ def laps_of(frames: list[pd.DataFrame], judged: list[pd.DataFrame]) -> dict[tupl
     return {
         ("lap_f1", seen.component): METRICS["lap_f1"].of(seen.rows).value
         for seen in views(of_genie)
-        if seen.kind == METRICS["lap_f1"].rows
+        if seen.kind == METRICS["lap_f1"].kind
     }
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from genie_sim.base import add_ons
+from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 
 PACKAGE = """
@@ -53,14 +54,14 @@ def test_an_add_on_that_cannot_be_imported_is_named_in_one_line(installed, capsy
     assert "absent" in line and "waving:absent" in line
 
 
-@pytest.mark.parametrize(
-    "line", ["ros attach /node", "import bag street.bag", "export run --format mcap"]
-)
+@pytest.mark.parametrize("line", ["ros attach /node", "import bag street.bag"])
 def test_without_the_add_on_for_ros_it_is_said_what_to_install(line, capsys, monkeypatch):
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
     assert main(line.split()) == 1
     (said,) = capsys.readouterr().err.splitlines()
     assert add_ons.INSTALL_ROS in said
+    with pytest.raises(UserError, match="mcap: .*packages/genie-sim-ros"):
+        add_ons.offered(add_ons.EXPORTERS, "mcap")
 
 
 def test_help_and_known_commands_read_no_entry_points(capsys, monkeypatch):
