@@ -60,7 +60,7 @@ def test_without_the_add_on_for_ros_it_is_said_what_to_install(line, capsys, mon
     assert main(line.split()) == 1
     (said,) = capsys.readouterr().err.splitlines()
     assert add_ons.INSTALL_ROS in said
-    with pytest.raises(UserError, match="mcap: .*packages/genie-sim-ros"):
+    with pytest.raises(UserError, match=r"mcap: .*packages/genie-sim-ros"):
         add_ons.offered(add_ons.EXPORTERS, "mcap")
 
 
