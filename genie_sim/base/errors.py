@@ -47,9 +47,17 @@ def short_repr(value: object) -> str:
 
 
 def text_of(error: BaseException) -> str:
-    """What an exception says, whose class may be the user's own."""
+    """What an exception says, whose class may be the user's own; of a method that its class lacks,
+    which that is.
+    """
     try:
-        return str(error)
+        text = str(error)
+        trace = error.__traceback__
+        if isinstance(error, NotImplementedError) and not text and trace is not None:
+            while trace.tb_next is not None:
+                trace = trace.tb_next
+            return f"{trace.tb_frame.f_code.co_name}() is missing"
+        return text
     except Exception as failure:
         return f"its text fails with {type(failure).__name__}"
 

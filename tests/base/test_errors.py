@@ -1,10 +1,12 @@
 """Exceptions of libraries as lines for the user."""
 
 import errno
+from typing import cast
 
 import pytest
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.sim.link_model import Sender
 
 
 def test_an_exception_becomes_one_line():
@@ -13,6 +15,14 @@ def test_an_exception_becomes_one_line():
         as_user_error("a.txt: not a table", ValueError),
     ):
         raise ValueError("first\nsecond")
+
+
+def test_a_method_that_a_class_lacks_is_named():
+    with (
+        pytest.raises(UserError, match=r"^own:Slow: transmit\(\) is missing$"),
+        as_user_error("own:Slow", NotImplementedError),
+    ):
+        Sender.transmit(cast(Sender, None), 1)
 
 
 class OutOfMemory(OSError, MemoryError):
