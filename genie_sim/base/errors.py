@@ -52,7 +52,7 @@ def text_of(error: BaseException) -> str:
     """
     try:
         text = str(error)
-        trace = error.__traceback__
+        trace = (error.__cause__ or error).__traceback__  # SimPy raises a copy
         if isinstance(error, NotImplementedError) and not text and trace is not None:
             while trace.tb_next is not None:
                 trace = trace.tb_next
