@@ -36,6 +36,7 @@ WORDS = {
     "meaning": str,
     "tier": int,
     "is_signed": bool,
+    "needs": int,
 }
 COMPONENT_TITLES = {
     ZERO_DELAY: "zero-delay detector",

@@ -98,7 +98,7 @@ class Scenario(MethodSettings):
     """The methods to compare, in this order, each on the same random numbers. A method's name, or a
     mapping with `name`, `method`, `title`, the method's own arguments, and settings of the scenario
     that differ for this entry (`genie`, `model`, `spread`, `queue_length`, `consumer`,
-    `image_encoding`, `edge_network`, `serving`)."""
+    `image_encoding`, `edge_network`, `edge_neighbours`, `serving`)."""
 
     perception: Annotated[Choice, FRAME_SOURCE] = USUAL_TRACE
     """Where frames and detections come from."""

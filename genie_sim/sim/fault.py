@@ -51,7 +51,8 @@ class Fault:
 
         ``yield`` alone waits for the fault's end. ``yield event``, such as
         ``network.clock.timeout(1_000_000)`` [ns], waits for that; a fault that still waits for an
-        event at its end is interrupted there (``simpy.Interrupt``).
+        event at its end is interrupted there (``simpy.Interrupt``), so what it must undo then
+        stands in a ``finally``.
         """
         raise NotImplementedError
 
