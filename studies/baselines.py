@@ -24,13 +24,14 @@ import genie_sim as gs
 from genie_sim.core.messages import OBJECT_BYTES
 from genie_sim.methods.central import Central
 from genie_sim.methods.genie import Genie
-from genie_sim.sim.method import HostConfig, HostContext
+from genie_sim.sim.method import Costs, HostConfig, HostContext
 from genie_sim.study.design import load_design
 
 OUT = Path("results/studies/baselines")
 FIRST_CASE = "as in the scenario"
 CAPACITY_BYTES = 1_000_000  # of every cache
 CONSUMERS = {"set": "consumer", "list": ["newest", "tracker"]}
+HSV = Costs(key="hsv")  # of a look-up, as of the methods that compare pictures
 RECORD = ["lookups", "answers", "held", "resources"]
 KEPT = (
     "streaming_f1",
@@ -53,10 +54,10 @@ class PayingGenie(Genie):
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         config = super().on_car(host)
-        return None if config is None else replace(config, key="hsv")
+        return None if config is None else replace(config, costs=HSV)
 
     def on_edge(self, host: HostContext) -> HostConfig:
-        return replace(super().on_edge(host), key="hsv")
+        return replace(super().on_edge(host), costs=HSV)
 
 
 class PayingCentral(Central):
@@ -66,7 +67,7 @@ class PayingCentral(Central):
 
     def on_edge(self, host: HostContext) -> HostConfig:
         config = super().on_edge(host)
-        return config if config.interceptor is None else replace(config, key="hsv")
+        return config if config.interceptor is None else replace(config, costs=HSV)
 
 
 def methods(map_bytes: int) -> list[Any]:
