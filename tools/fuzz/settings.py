@@ -218,7 +218,7 @@ def options(folder: Path) -> Case:
         stopped = (
             "runs.folder.run_to_folder",
             "paper.reproduce.reproduce",
-            "data.fetch.receive",
+            "data.importers.fetch.receive",
             "scenario.device_fit.measure",
             "study.study.Study.run",
         )
@@ -265,7 +265,8 @@ def result_folders(folder: Path) -> Case:
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
         work = Study.of(load_design(folder / "s.yaml"), "s.yaml", folder)
         work.run(Workers(1))
-        swept = work.finish().folder
+        work.finish()
+        swept = work.folder
     whole = {
         path: path.read_bytes() for path in [*run.iterdir(), *swept.iterdir()] if path.is_file()
     }
