@@ -24,14 +24,12 @@ class PacedGenie(TrackingGenie):
 
     Parameters
     ----------
-    name, inputs, outputs, object_map, names_changes
+    name, inputs, outputs, object_map, make_answer, names_changes
         As those of ``TrackingGenie``.
     pacer : Pacer
         Decides what goes up; ``None`` on a car without an edge.
     shared_tracks : SharedTracks
         What the edge shares of other cars' looks; ``None`` where edges share nothing.
-    make_answer : callable
-        Makes an answer out of a header and objects.
     suffixes : tuple[str, str]
         What is affixed to topics towards the own node, and towards the edge (Section III-C).
     """
@@ -49,10 +47,16 @@ class PacedGenie(TrackingGenie):
         suffixes: tuple[str, str] = SUFFIXES,
         names_changes: bool = True,
     ) -> None:
-        super().__init__(name, inputs, outputs, object_map=object_map, names_changes=names_changes)
+        super().__init__(
+            name,
+            inputs,
+            outputs,
+            object_map=object_map,
+            make_answer=make_answer,
+            names_changes=names_changes,
+        )
         self._shared_tracks = shared_tracks
         self._pacer = pacer
-        self._make_answer = make_answer
         # images go to the own detector and to the edge, answers come from both
         self._to_node, self._to_edge = (self._images + suffix for suffix in suffixes)
         self._from_node, self._from_edge = (self._objects + suffix for suffix in suffixes)
@@ -90,9 +94,10 @@ class PacedGenie(TrackingGenie):
             return [Publish(self._to_node, frame)]
         heading_rad = viewer.pose.heading_rad
         looked_ns = self._newest_looks.add_frame(frame.header, heading_rad)
+        answer = self._with_shared(self._answer_from_map(viewer, now_ns), viewer, now_ns)
         effects: list[Effect] = [
             LookEvent(frame.header, "map", "answered", looked_ns=looked_ns),
-            Publish(self._objects, self._answer_from_map(viewer, now_ns)),
+            Publish(self._objects, answer.credited("map", self.name)),
         ]
         if self._pacer is not None:
             effects += _lost(self._pacer.expire(now_ns))
@@ -131,12 +136,6 @@ class PacedGenie(TrackingGenie):
         answer = answer.with_objects(objects).with_look(look, now_ns)
         effects.append(Publish(self._objects, self._with_shared(answer, viewer, now_ns)))
         return effects
-
-    def _answer_from_map(self, viewer: Viewer, now_ns: int) -> Answer:
-        """The map's objects in view, where they are now."""
-        objects = tuple(self.object_map.in_view(viewer, now_ns))
-        answer = self._make_answer(viewer.header, objects).with_look(None, now_ns)
-        return self._with_shared(answer, viewer, now_ns).credited("map", self.name)
 
     def _with_shared(self, answer: Answer, viewer: Viewer, now_ns: int) -> Answer:
         """An answer with what other cars saw in view, as far as this one believes it."""

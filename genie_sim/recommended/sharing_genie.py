@@ -24,12 +24,10 @@ class SharingGenie(TrackingGenie):
 
     Parameters
     ----------
-    name, inputs, outputs, object_map, names_changes
+    name, inputs, outputs, object_map, make_answer, names_changes
         As those of ``TrackingGenie``.
     rules : SharingRules
         What cars get.
-    make_answer : Callable
-        Makes an answer out of a header and objects.
     answers_frames : bool
         Whether it answers frames out of its map, as on an edge that gets positions and no images.
     """
@@ -46,9 +44,15 @@ class SharingGenie(TrackingGenie):
         answers_frames: bool = False,
         names_changes: bool = True,
     ) -> None:
-        super().__init__(name, inputs, outputs, object_map=object_map, names_changes=names_changes)
+        super().__init__(
+            name,
+            inputs,
+            outputs,
+            object_map=object_map,
+            make_answer=make_answer,
+            names_changes=names_changes,
+        )
         self._rules = rules
-        self._make_answer = make_answer
         self._answers_frames = answers_frames
         self._between_edges = self._objects + REMOTE
 
@@ -86,8 +90,7 @@ class SharingGenie(TrackingGenie):
         if frame.pose is None:
             return []
         viewer = Viewer(frame.header, frame.pose, frame.horizontal_fov_rad)
-        objects = tuple(self.object_map.in_view(viewer, now_ns))
-        answer = self._make_answer(frame.header, objects).with_look(None, now_ns)
+        answer = self._answer_from_map(viewer, now_ns)
         return [Publish(self._objects, answer.credited("map", self.name))]
 
     def _share(self, answer: Answer, viewer: Viewer, now_ns: int) -> Publish:

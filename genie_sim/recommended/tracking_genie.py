@@ -15,6 +15,7 @@ from genie_sim.core.messages import (
     Observation,
     Request,
 )
+from genie_sim.core.node import MakeAnswer
 from genie_sim.sim.method import Interceptor
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track_map import TrackMap
@@ -33,6 +34,8 @@ class TrackingGenie(Interceptor):
         The detector's own topics: one of images, one of objects.
     object_map : TrackMap
         Learns looks and gives tracks.
+    make_answer : callable
+        Makes an answer out of a header and objects.
     names_changes : bool
         Whether observations name the objects of the map that changed.
     """
@@ -44,10 +47,12 @@ class TrackingGenie(Interceptor):
         outputs: Sequence[str],
         *,
         object_map: TrackMap,
+        make_answer: MakeAnswer,
         names_changes: bool,
     ) -> None:
         self.name = name
         self.object_map = object_map
+        self._make_answer = make_answer
         self._names_changes = names_changes
         (self._images,), (self._objects,) = inputs, outputs
         self._viewers: OrderedDict[Header, Viewer] = OrderedDict()  # of frames, by their stamps
@@ -55,6 +60,11 @@ class TrackingGenie(Interceptor):
     def on_memory_lost(self) -> list[Observation]:
         """Records of what is lost when a fault wipes this Genie's state: the objects of its map."""
         return [*self._forgotten(tuple(map(MapChange.of, self.object_map)))]
+
+    def _answer_from_map(self, viewer: Viewer, now_ns: int) -> Answer:
+        """The map's objects in view, where they are now."""
+        objects = tuple(self.object_map.in_view(viewer, now_ns))
+        return self._make_answer(viewer.header, objects).with_look(None, now_ns)
 
     def _remember(self, frame: Request) -> Viewer | None:
         """From where a frame was taken, noted until its look comes; ``None`` where that is
