@@ -43,7 +43,7 @@ from typing import Any
 import pandas as pd
 
 import genie_sim as gs
-from genie_sim.analysis.statistics import over_seeds, t_quantile
+from genie_sim.analysis.statistics import half_of_mean, mean_and_spread, t_quantile
 from genie_sim.study.design import load_design
 
 OUT = Path("results/studies/where_it_pays")
@@ -267,6 +267,12 @@ def over_all(
     towns = pd.concat(of_town.values(), axis=1).mean(axis=1).tolist()
     share = len(of_town) / (len(of_drive) + len(of_town))
     return stratified([(1 - share, [fmean(values) for values in drives.values()]), (share, towns)])
+
+
+def over_seeds(values: Sequence[float]) -> tuple[float, float]:
+    """Mean, and half of its 95 % t interval: 0 for one value."""
+    mean, spread = mean_and_spread(values)
+    return mean, half_of_mean(spread, len(values)) if len(values) > 1 else 0.0
 
 
 def interval(mean: float, half: float) -> dict[str, float]:

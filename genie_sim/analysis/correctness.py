@@ -15,7 +15,6 @@ from genie_sim.analysis.metric import (
     LOWER,
     MAIN,
     RIGHT_F1,
-    ZERO_DELAY,
     Given,
     Metric,
     Sample,
@@ -24,10 +23,9 @@ from genie_sim.analysis.metric import (
 )
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.record.columns import Columns
-from genie_sim.record.records import CONSUMER
+from genie_sim.record.records import CONSUMER, ZERO_DELAY
 
 CORRECTNESS, LAPS = "Correctness", "Laps"
-CAUSES = ("moved_away", "never_there", "duplicate")  # of false objects
 HITS = {
     "all": ("own_cache", "edge_cache", "peer_cache"),
     "car": ("own_cache",),

@@ -22,7 +22,6 @@ from genie_sim.record.columns import Columns, joined
 DEADLINE_MS = 33.0  # Section V-B of the paper: 30 frames per second
 RECENT_MS = 100.0  # a look is recent that is no older: the time between two frames of a camera
 RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
-ZERO_DELAY = "zero_delay"  # as a component: of the detector's own answers without any delay
 LOWER, HIGHER = "lower", "higher"
 HEADLINE, SHORT, MAIN, REST = range(4)  # tiers
 

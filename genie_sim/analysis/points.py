@@ -23,7 +23,7 @@ from genie_sim.analysis.drawing import (
     name_rows,
     one_panel,
 )
-from genie_sim.analysis.metric import LOWER, SHORT, ZERO_DELAY, Metric
+from genie_sim.analysis.metric import LOWER, SHORT, Metric
 from genie_sim.analysis.registry import (
     METRICS,
     NO_WORDS,
@@ -37,6 +37,7 @@ from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.style import COLUMN_IN, LINE_IN, PAGE_IN, TITLE_CHARACTERS
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import natural_key
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue
 
 LATENCY = "first_answer_mean"

@@ -20,12 +20,13 @@ from genie_sim.analysis import (
     prices,
     resource_metrics,
 )
-from genie_sim.analysis.metric import HIGHER, LOWER, ZERO_DELAY, Metric
+from genie_sim.analysis.metric import HIGHER, LOWER, Metric
 from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.plugins import is_own
 from genie_sim.base.text import one_line
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue
 
 WORDS = {

@@ -25,12 +25,6 @@ def mean_and_spread(values: Sequence[float] | Floats) -> tuple[float, float]:
     return mean, math.sqrt(float(np.add.reduce(away * away)) / max(n - 1, 1))
 
 
-def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
-    """Mean, and half of its 95 % t interval: 0 for one value."""
-    mean, spread = mean_and_spread(values)
-    return mean, half_of_mean(spread, len(values)) if len(values) > 1 else 0.0
-
-
 def half_of_mean(spread: Any, n: int) -> Any:
     """Half of the 95 % t interval of the mean of ``n`` values with this standard deviation, or of
     each of an array.

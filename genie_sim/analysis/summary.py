@@ -9,13 +9,7 @@ from genie_sim.analysis.compare import no_value
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES, of_clients
-from genie_sim.analysis.metric import (
-    MAIN,
-    RECENT_MS,
-    SHORT,
-    ZERO_DELAY,
-    Metric,
-)
+from genie_sim.analysis.metric import MAIN, RECENT_MS, SHORT, Metric
 from genie_sim.analysis.outages import FAULTS
 from genie_sim.analysis.registry import (
     METRICS,
@@ -33,6 +27,7 @@ from genie_sim.analysis.statistics import MIN_SEEDS, has_interval
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import one_line
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import TIDY_FIELDS, MetricValue, Run
 
 # A resource is overloaded from this utilization on, if more than that share of frames is dropped.

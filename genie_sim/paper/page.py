@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.statistics import has_interval
@@ -15,6 +14,7 @@ from genie_sim.paper.checks import ALL, CASE
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
 from genie_sim.record import provenance
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.report import template
 from genie_sim.report.template import Page, Section
 

@@ -18,7 +18,8 @@ Car = Annotated[str, "", "the car whose camera took the frame"]
 Stream = Annotated[str, "", "camera stream of that car (frame_id)"]
 FrameNumber = Annotated[Int32, "", "running number in the stream, over all laps"]
 Stamp = Annotated[int, "ns", "when the camera took it"]
-CONSUMER, ZERO_DELAY = "consumer", "zero_delay"  # what is judged
+CONSUMER = "consumer"  # what is judged: what a consumer holds, or
+ZERO_DELAY = "zero_delay"  # the detector's own answers without any delay; also a component
 # The values of text columns: of look-ups, of answers, and of objects that are held or missed.
 LOOKUP_KINDS = IMAGE, SIGHTING, BOOST = "image", "sighting", "boost"
 OUTCOMES = MISS, HIT, COALESCED = "miss", "hit", "coalesced"

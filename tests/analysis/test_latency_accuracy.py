@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.points import drawable, latency_accuracy
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue
 
 METHODS = [MethodInfo("remote", "remote (R)", True), MethodInfo("genie", "Genie (DG)", False)]

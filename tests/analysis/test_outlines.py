@@ -8,9 +8,9 @@ import pytest
 from genie_sim.analysis import figures, registry
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, Arm, ComparedRuns, Difference
-from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.points import differences, latency_accuracy
 from genie_sim.record.columns import Columns
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue
 from tests import make, outline
 from tests.make import METHODS

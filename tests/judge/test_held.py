@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from genie_sim.analysis import metrics, screen, summary
-from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.seed_runs import load_run
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
@@ -29,7 +28,7 @@ from genie_sim.data.truth import (
     write_truth,
 )
 from genie_sim.judge.map_accuracy import MapAccuracy
-from genie_sim.record.records import HELD, HELD_OBJECTS
+from genie_sim.record.records import HELD, HELD_OBJECTS, ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
 from genie_sim.report.output import Output
