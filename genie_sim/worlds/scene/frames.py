@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
-from genie_sim.base.settings import SettingError
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.frame_source import Drive, Drives

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
-from genie_sim.base.settings import POSITIVE
+from genie_sim.base.marks import POSITIVE
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import SceneDrives, SceneTruth, check_frames

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from genie_sim.base.settings import SettingError, from_plain
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import from_plain
 from genie_sim.worlds.scene.noise import VIEWS, mix, normals, smooth_normals
 from genie_sim.worlds.town.rules import TownRules
 
