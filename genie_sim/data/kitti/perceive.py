@@ -102,7 +102,7 @@ def perceive(
     tell_network(report, network)
     _tell_sizes(drive, pictures, report)
     name = trace_name(frames.drive)
-    of_drive = traces(
+    imported = traces(
         {name: pictures},
         origin=drive.origin,
         provenance=_provenance(drive, network, detector),
@@ -110,7 +110,7 @@ def perceive(
         first_ns=drive.first_stamp_ns,
         numbered=True,
     )
-    return of_drive[name]
+    return imported[name].trace
 
 
 def trace_name(drive: str) -> str:
