@@ -106,9 +106,11 @@ from genie_sim.sim.fault import (
 from genie_sim.sim.network import Network as Network
 from genie_sim.sim.bends import (
     Bend as Bend,
+    shifted as shifted,
+)
+from genie_sim.sim.content import (
     Objects as Objects,
     bent as bent,
-    shifted as shifted,
 )
 
 # What both are made of: ROS graphs, time, random numbers.

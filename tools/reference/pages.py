@@ -1,6 +1,4 @@
-"""The pages of the reference. One is committed (``python -m tools.reference``): no command prints
-what it says. The others are made with the site (``tools/reference/site.py``).
-"""
+"""The pages of the reference that are made with the site (``tools/reference/site.py``)."""
 
 from __future__ import annotations
 
@@ -8,7 +6,6 @@ import inspect
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -27,8 +24,6 @@ from genie_sim.record.tables import Column
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from tools.reference.settings import settings
-
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 CLI = """\
 Exit status: 0, done; 1, an error in the input or the environment, reported in one line; 2, the
@@ -87,16 +82,12 @@ Lines = Iterator[str]
 
 
 def texts() -> dict[str, str]:
-    """The pages below docs that are committed."""
-    return {"reference/metrics.md": _page("Metrics", METRIC, metrics())}
-
-
-def site_texts() -> dict[str, str]:
-    """The pages that the site has besides."""
+    """The pages below docs by their path."""
     profiles = {name: load_profile(name) for name in files.available(files.DEVICE)}
     pages = {
         "cli": _page("Command line", CLI, commands()),
         "scenario": _page("Settings of a scenario", SETTINGS, settings()),
+        "metrics": _page("Metrics", METRIC, metrics()),
         "tables": _page("Tables", NULL, tables()),
         "devices": _page("Devices", LAWS, devices(profiles)),
         "links": _page("Links", LINK, links()),
@@ -107,8 +98,7 @@ def site_texts() -> dict[str, str]:
 
 
 def _page(title: str, intro: str, lines: Iterable[str]) -> str:
-    made = "<!-- Made by python -m tools.reference. -->\n"
-    return f"{made}# {title}\n\n{intro}\n{_text(lines)}".replace("\n\n\n", "\n\n")
+    return f"# {title}\n\n{intro}\n{_text(lines)}".replace("\n\n\n", "\n\n")
 
 
 def _text(lines: Iterable[str]) -> str:
