@@ -32,11 +32,23 @@ RULER = {"tolerance_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
 MAX_RULER_M = 1000.0  # no sensor of a car sees farther
 
 
-class TruthRow(NamedTuple):
-    """One object in view of one frame. ``visible``: whoever is in that frame's place is expected to
-    know of it. With KITTI it counts in the benchmark (at least 25 pixels high, mostly in the
-    picture, and how hidden it is was judged).
+class TruthObject(NamedTuple):
+    """One object in view of a frame, by its number. ``visible``: whoever is in that frame's place
+    is expected to know of it. With KITTI it counts in the benchmark (at least 25 pixels high,
+    mostly in the picture, and how hidden it is was judged).
     """
+
+    object: int
+    label: str
+    moving: bool
+    visible: bool
+    east_m: float
+    north_m: float
+    up_m: float
+
+
+class TruthRow(NamedTuple):
+    """A ``TruthObject`` with the frame that it is in view of."""
 
     camera: str
     frame: int
