@@ -17,7 +17,6 @@ TASKS = (
     "rest",
     "ros",
     "coverage",
-    "cpu",
     "docs",
     "bench",
     "mutate",

@@ -121,6 +121,12 @@ def detach(node: str, network: str | None) -> None:
 @click.option("--imu", metavar="TOPIC", help="Of several IMUs this one.")
 @click.option("--fix", metavar="TOPIC", help="Of several receivers' positions these.")
 @click.option("--lidar", metavar="TOPIC", help="Of several lidars this one.")
+@click.option(
+    "--laser-height",
+    default="1.73 m",
+    show_default=True,
+    help="How high it is above the road, to half a metre.",
+)
 @detector_options
 @click.option(
     "--min-score",
@@ -141,6 +147,7 @@ def import_bag(
     imu: str | None,
     fix: str | None,
     lidar: str | None,
+    laser_height: str,
     min_score: float,
     origin: str | None,
     accept: bool,
@@ -153,6 +160,7 @@ def import_bag(
     genie-sim import bag street.mcap --detections /objects --out street.parquet
     """
     from genie_sim.base.import_report import ImportReport
+    from genie_sim.base.units import length_m
     from genie_sim.data.importers.trace_import import write_told
     from genie_sim.data.trace import check_replaceable
     from genie_sim_ros.bags import BagTopics, perceive_bag
@@ -160,6 +168,7 @@ def import_bag(
     allow_own_code()
     check_replaceable(out)  # before the detector runs
     place = arguments.geodetic("--origin", origin)
+    laser_height_m = arguments.quantity("--laser-height", laser_height, length_m)
     settings = arguments.detector_settings(**network, min_score=min_score)
     report = ImportReport(file, accept)
     with ProgressBar(unit="frames") as progress:
@@ -172,6 +181,7 @@ def import_bag(
             min_score=min_score,
             progress=progress,
             sensors=BagTopics(imu, fix, lidar),
+            laser_height_m=laser_height_m,
             classes=settings.classes,
             report=report,
         )
