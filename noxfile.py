@@ -133,7 +133,7 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Times the simulator and fleets; prints the tables of docs/speed.md."""
+    """Times the simulator, fleets and peers; prints the tables of docs/speed.md."""
     install(session, ".[test]")
     session.run("python", "-m", "benchmarks.speed", *session.posargs)
 
