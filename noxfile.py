@@ -123,13 +123,6 @@ def coverage(session: nox.Session) -> None:
 
 
 @nox.session
-def cpu(session: nox.Session) -> None:
-    """Whether every fast test still is: the median of its CPU in three runs."""
-    install(session, ".[test]")
-    session.run("python", "-m", "tools.cpu_gate", *session.posargs)
-
-
-@nox.session
 def docs(session: nox.Session) -> None:
     """Builds the documentation into ``site/``; a broken link is an error."""
     install(session, ".[docs]")

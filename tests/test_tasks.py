@@ -17,7 +17,6 @@ TASKS = (
     "rest",
     "processes",
     "coverage",
-    "cpu",
     "docs",
     "bench",
     "mutate",
