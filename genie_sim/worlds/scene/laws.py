@@ -210,29 +210,24 @@ def _score_table(fitted: Mapping[str, Any]) -> Array:
     """Scores (RANGES, steps of z) from the fitted probabilities of a miss and quantiles."""
     miss = _by_range(fitted["range_m"], fitted["miss"])[:, None]
     quantiles = _quantiles_by_range(fitted["range_m"], fitted["scores"])
-    share = (_share(0.5) - miss) / (1.0 - miss)
+    share = (_shares() - miss) / (1.0 - miss)
     levels = np.linspace(0.0, 1.0, quantiles.shape[1])
     scores = np.array([np.interp(u, levels, row) for u, row in zip(share, quantiles, strict=True)])
-    return _table(np.where(_share(0.5) > miss, scores, 0.0), SCORE_DECIMALS)
+    scores[_shares() <= miss] = 0.0
+    return scores.round(SCORE_DECIMALS)
 
 
 def _place_table(fitted: Mapping[str, Any], name: str) -> Array:
     """Errors of a place (RANGES, steps of z) from the fitted quantiles."""
     quantiles = _quantiles_by_range(fitted["range_m"], fitted[name])
     levels = np.linspace(0.0, 1.0, quantiles.shape[1])
-    return _table(
-        np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS
-    )
+    errors_m = np.array([np.interp(_shares(), levels, row) for row in quantiles])
+    return errors_m.round(PLACE_DECIMALS)
 
 
-def _share(step: float) -> Array:
-    """The share of z below each column of a table, or so many steps above it."""
+@functools.cache
+def _shares() -> Array:
+    """The share of z below the middle of each column of a table."""
     columns = np.arange(2 * MIDDLE + 2)
-    return np.array(
-        [NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()]
-    )
-
-
-def _table(values: Array, decimals: int) -> Array:
-    rounded: Array = np.round(values, decimals)
-    return rounded
+    middles_z = (columns + 0.5 - MIDDLE) / STEPS_PER_Z
+    return np.array([NormalDist().cdf(z) for z in middles_z.tolist()])
