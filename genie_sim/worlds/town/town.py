@@ -17,6 +17,7 @@ from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject
 from genie_sim.worlds.scene.scene import Scene
 from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
+from genie_sim.worlds.town.commuting import Commuting
 from genie_sim.worlds.town.places import Places
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Layout, Street, Streets, lay_out
@@ -91,8 +92,8 @@ class Town(Scene):
         ]
 
     @functools.cached_property
-    def _commuting(self) -> routes.Commuting:
-        return routes.Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
+    def _commuting(self) -> Commuting:
+        return Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
 
     def drive(
         self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0

@@ -367,28 +367,6 @@ def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
     assert np.mean(from_town) == pytest.approx(validation.changes(real), abs=0.05)
 
 
-@pytest.mark.nightly
-def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
-    """Correlation of the normal scores of two looks at one vehicle, up to 8 m of view apart: mean
-    gap below 0.12.
-
-    40 replications. Farther apart the real one rests on three vehicles.
-    """
-    real = looks["vehicles"]
-    for name in ("score", "along_m", "across_m"):
-        from_town = [
-            validation.correlations(
-                "vehicles", validation.resimulate(laws, "vehicles", real, seed), name
-            )
-            for seed in range(REPLICATIONS)
-        ]
-        gap = np.abs(np.mean(from_town, axis=0) - validation.correlations("vehicles", real, name))[
-            :6
-        ].mean()
-        print(f"{name}: {gap:.3f}")
-        assert gap < 0.12, name
-
-
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):
