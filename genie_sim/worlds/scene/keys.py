@@ -65,12 +65,6 @@ def seed_key(scene: str, seed: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{scene} {seed}".encode()).digest()[:8], "big")
 
 
-def object_key(of_seed: int, number: int) -> int:
-    """The key of an object by its number, in the scene of a seed's key."""
-    key: int = mix(of_seed ^ mix(number))
-    return key
-
-
 def frame_key(of_car: int, camera: str, index: int) -> int:
     """The key of a frame of one of a car's cameras, "02" or "03"."""
     key: int = mix(of_car ^ index << 8 ^ int(camera))
