@@ -14,7 +14,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
-from genie_sim.base.settings import SettingError
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.frame_source import Drive

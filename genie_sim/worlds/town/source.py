@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.settings import POSITIVE
+from genie_sim.base.marks import POSITIVE
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import check_frames

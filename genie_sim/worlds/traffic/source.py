@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from genie_sim.base import files
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.settings import POSITIVE, Bounds, OneOf, SettingError
+from genie_sim.base.marks import POSITIVE, Bounds, OneOf
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import check_frames

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from genie_sim.base.settings import Bounds
+from genie_sim.base.marks import Bounds
 from genie_sim.worlds.scene.objects import LONGEST_M
 
 

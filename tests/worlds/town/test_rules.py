@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from genie_sim.base.settings import SettingError, from_plain
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import from_plain
 from genie_sim.worlds.scene.keys import mix, object_number
 from genie_sim.worlds.town.rules import TownRules
 
