@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from genie_sim.base.classes import CANONICAL
+from genie_sim.base.classes import class_of
 from genie_sim.base.geometry import Array
 from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.view import (
@@ -104,7 +104,7 @@ class Places:
         rows: dict[tuple[object, ...], list[int]] = defaultdict(list)
         for row, origin in enumerate(origins):
             rows[origin.speed_mps, origin.northbound].append(row)
-        classes = [CANONICAL.get(label, label) for label in objects.label.tolist()]
+        classes = [class_of(label) for label in objects.label.tolist()]
         self._codes = {label: code for code, label in enumerate(dict.fromkeys(classes))}
         self._class = np.array([self._codes[label] for label in classes], dtype=int)
         self._class[~objects.real] = self._nothing = len(self._codes)
@@ -202,7 +202,7 @@ class Places:
         """Whether anything of the class of each label is within a distance of each place then,
         whether it can be seen or not.
         """
-        codes = (self._codes.get(CANONICAL.get(label, label), self._nothing) for label in labels)
+        codes = (self._codes.get(class_of(label), self._nothing) for label in labels)
         class_ = np.fromiter(codes, dtype=int, count=len(labels))
         queries, rows = [], []  # of each object near one of the places
         for same, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL, MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES, class_of
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array
 from genie_sim.base.seeds import stream
@@ -303,8 +303,8 @@ class TrafficTruth(SceneTruth):
         states = vehicles.at(stretches, t_s[:, None])
         dx, dy = states.east_m - east_m[:, None], states.north_m - north_m[:, None]
         is_near = states.there & (np.hypot(dx, dy) <= tolerance_m)
-        asked = np.array([CANONICAL.get(label, label) for label in labels])
+        asked = np.array([class_of(label) for label in labels])
         there = self._traffic.objects.label[vehicles.vehicle[stretches]].tolist()
-        classes = np.array([CANONICAL.get(label, label) for label in there])
+        classes = np.array([class_of(label) for label in there])
         result: Array = (is_near & (asked[:, None] == classes)).any(axis=1)
         return result
