@@ -1,7 +1,6 @@
 """The laws of a detector: how likely it misses an object, its score, and where it places it.
 
-They are read from ``laws.json``, fitted on a real trace (``tools/make/town_fit``). A Gaussian
-copula ties the looks at one object together: each look has a standard normal number
+A Gaussian copula ties the looks at one object together: each look has a standard normal number
 
     z = object_weight * Z(object) + view_weight * Z(object, view) + look_weight * Z(object, look)
 
@@ -9,9 +8,27 @@ of which the first part stays with the object, the second changes gradually as c
 move, and the third is new each time. The object is missed where z falls below the quantile of the
 miss probability at its range; above it, the score rises with z through the quantiles of the scores
 seen at that range. Two such numbers of their own place it, along the line of sight and across.
+
+The numbers are read from ``laws.json``, fitted on a real trace (``tools/make/town_fit``). Its
+``groups`` are ``vehicles`` and ``persons``, each with
+
+- ``found``: of some ranges [m] (``range_m``, the middles of bins) how many ``looks`` there were,
+  the probability of a ``miss``, and 21 evenly spaced quantiles of the ``scores``;
+- ``place``: likewise the quantiles of the errors [m], ``along_m`` the line of sight (behind the
+  object is positive) and ``across_m`` it (left is positive);
+- ``score_correlation``, ``along_correlation``, ``across_correlation``: the shares of the variance
+  of z that stay with the ``object`` and with the ``view``, and after how many metres of change the
+  numbers of views are correlated by 1/e (``smooth_m``).
+
+``ghosts`` has the false positives by the same groups: those at ``places`` where they come back, so
+many ``per_100m`` of street, with laws like those of real objects; and fleeting ones, which are seen
+once, so many in a frame (``fleeting_a_frame``), with quantiles of their ranges [m] and scores.
+``vehicle_names``: the share of vehicles that are ``prone`` to be called something else, and of
+their looks the share with each of the ``names``. ``provenance`` says what they were fitted on.
 """
 
 import functools
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -24,7 +41,8 @@ import numpy as np
 from genie_sim.base.classes import GROUPS, VEHICLES
 from genie_sim.base.geometry import Array
 from genie_sim.data.trace import SCORE_DECIMALS
-from genie_sim.worlds.scene.noise import LOOK_NAME, OBJECT_PRONE, smooth_normals
+from genie_sim.worlds.scene.keys import LOOK_NAME, OBJECT_PRONE
+from genie_sim.worlds.scene.noise import smooth_normals
 
 # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 STEPS_PER_Z, MIDDLE = 32.0, 32 * 7
@@ -65,9 +83,9 @@ class GroupLaws(NamedTuple):
     names: tuple[tuple[int, str], ...] = ()
 
 
-class TransientLaw(NamedTuple):
-    """False positives that are seen once: how many per frame; quantiles of their ranges [m] and of
-    their scores.
+class FleetingLaw(NamedTuple):
+    """Fleeting false positives, which are seen once: how many per frame; quantiles of their ranges
+    [m] and of their scores.
     """
 
     label: str
@@ -77,14 +95,14 @@ class TransientLaw(NamedTuple):
 
 
 class FittedLaws:
-    """All laws: of real objects, of ghosts that stand at places where nothing is, and of transient
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting
     ones. A score of 0 is a miss.
     """
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
-        # given when they were fitted; it seeds what towns draw from them
-        self.digest = str(fitted.get("digest", ""))
+        # what towns are made from, so that other laws are another town
+        self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
         real = fitted["groups"]
         lasting = {name: ghosts for name, ghosts in fitted["ghosts"].items() if ghosts["places"]}
         groups = [*real.values(), *lasting.values()]
@@ -111,8 +129,8 @@ class FittedLaws:
         self.ghosts_per_100m = {
             label: float(group["per_100m"]) for label, group in ghosts if group["places"]
         }
-        self.transient = tuple(
-            TransientLaw(
+        self.fleeting = tuple(
+            FleetingLaw(
                 label,
                 group["fleeting_a_frame"],
                 tuple(group["fleeting_range_m"]),

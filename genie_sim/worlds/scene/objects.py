@@ -9,8 +9,9 @@ import numpy as np
 from genie_sim.base.classes import SIZES
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
-from genie_sim.worlds.scene import noise
+from genie_sim.worlds.scene import keys
 from genie_sim.worlds.scene.laws import GroupLaws
+from genie_sim.worlds.scene.noise import normals
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR
 # 2013).
@@ -61,8 +62,10 @@ class SceneObject(NamedTuple):
 
 
 class ObjectColumns:
-    """The numbers of all objects that cameras may see, as columns; ``group`` is the number of an
-    object's group of laws, ``rows`` are the objects themselves.
+    """All objects that cameras may see in a scene, as columns; ``rows`` are the objects themselves.
+
+    ``key`` (64 bits) is each one's own, ``offset`` where its smooth numbers begin, ``group`` the
+    number of its group of laws, and ``real`` is ``False`` for ghosts.
     """
 
     def __init__(self, rows: Sequence[SceneObject]) -> None:
@@ -75,7 +78,7 @@ class ObjectColumns:
         self.real = np.array([row.real for row in rows], dtype=bool)
         self.label = np.array([row.label for row in rows], dtype=object)
         self.key = np.array([row.key for row in rows], dtype=np.uint64)
-        self.offset = noise.OBJECT_VIEW.of(self.key).astype(np.int64)
+        self.offset = keys.OBJECT_VIEW.of(self.key).astype(np.int64)
         self.group = np.array([row.laws.number for row in rows], dtype=np.int64)
 
 
@@ -101,8 +104,7 @@ def scene_object(
     moving : whether it moves
     real : ``False`` for a ghost
     """
-    key = noise.mix(seed_key ^ noise.mix(number))
-    table = noise.normals()
+    key, table = keys.object_key(seed_key, number), normals()
     return SceneObject(
         east_m=place[0],
         north_m=place[1],
@@ -111,9 +113,9 @@ def scene_object(
         label=label,
         number=number,
         key=key,
-        score_z=laws.score_weight * table[noise.OBJECT_SCORE.of(key)],
-        along_z=laws.along_weight * table[noise.OBJECT_ALONG.of(key)],
-        across_z=laws.across_weight * table[noise.OBJECT_ACROSS.of(key)],
+        score_z=laws.score_weight * table[keys.OBJECT_SCORE.of(key)],
+        along_z=laws.along_weight * table[keys.OBJECT_ALONG.of(key)],
+        across_z=laws.across_weight * table[keys.OBJECT_ACROSS.of(key)],
         laws=laws,
         moving=moving,
         real=real,

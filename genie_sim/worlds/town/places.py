@@ -17,11 +17,11 @@ from scipy.spatial import cKDTree
 
 from genie_sim.base.classes import class_of
 from genie_sim.base.geometry import Array
+from genie_sim.base.spans import Ints
 from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.view import (
     HALF_C,
     Flags,
-    Ints,
     PlacedObjects,
     ViewPoses,
     VisibleObjects,

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from genie_sim.worlds.scene.keys import MIDDLE_MEMBER, object_number
 from genie_sim.worlds.scene.laws import FittedLaws
 from genie_sim.worlds.scene.objects import SceneObject, scene_object
 from genie_sim.worlds.town.rules import (
@@ -29,7 +30,6 @@ from genie_sim.worlds.town.rules import (
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
-STREAM_BITS = 32
 
 
 class VehicleStream(NamedTuple):
@@ -83,12 +83,11 @@ def lay_out(layout: Layout, northbound: bool, index: int, random: np.random.Gene
     rules, laws, seed_key = layout
     crossings = rules.blocks[1] if northbound else rules.blocks[0]
     length_m, middle_m = crossings * rules.block_m, index * rules.block_m
-    base = _first_number(northbound, index)
     standing: list[SceneObject] = []
 
     def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
         place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
-        number = base + len(standing)
+        number = object_number(northbound, index, stream=0, member=len(standing))
         standing.append(
             scene_object(laws.of(label, real), seed_key, number, label, place=place, real=real)
         )
@@ -128,17 +127,11 @@ def lay_out(layout: Layout, northbound: bool, index: int, random: np.random.Gene
     )
 
 
-def _first_number(northbound: bool, index: int) -> int:
-    """The lowest number of an object of a street; no two streets share a number."""
-    return (index * 2 + northbound) << (STREAM_BITS + 4)
-
-
 def _streams(
     layout: Layout, northbound: bool, index: int, random: np.random.Generator
 ) -> list[VehicleStream]:
     """Traffic in both directions of a street."""
     rules, laws, seed_key = layout
-    base = _first_number(northbound, index)
     length_m = (rules.blocks[1] if northbound else rules.blocks[0]) * rules.block_m
     streams: list[VehicleStream] = []
     for labels, density, off_m, speed_mps in (
@@ -147,29 +140,21 @@ def _streams(
         (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
     ):
         for direction in (-1, 1):
-            starts_m = array(
-                "d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m)
-            )
+            count = random.poisson(density / 2 * length_m / 100)
+            starts_m = array("d", np.sort(random.random(count) * length_m))
             # on their right
             beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)
-            number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
-            movers = []
-            for k in range(len(starts_m)):
-                numbers = (number + k + (kind << STREAM_BITS) for kind in range(len(labels)))
-                movers.append(
-                    tuple(
-                        scene_object(laws.of(label), seed_key, own_number, label, moving=True)
-                        for label, own_number in zip(labels, numbers, strict=True)
-                    )
-                )
-            streams.append(
-                VehicleStream(
-                    movers=movers,
-                    beside_m=beside_m,
-                    speed_mps=direction * speed_mps,
-                    starts_m=starts_m,
-                )
-            )
+
+            def mover(label: str, stream: int, k: int) -> SceneObject:
+                number = object_number(northbound, index, stream, MIDDLE_MEMBER + k)
+                return scene_object(laws.of(label), seed_key, number, label, moving=True)
+
+            first = 2 * len(streams) + 1
+            movers = [
+                tuple(mover(label, stream, k) for stream, label in enumerate(labels, first))
+                for k in range(count)
+            ]
+            streams.append(VehicleStream(movers, beside_m, direction * speed_mps, starts_m))
     return streams
 
 

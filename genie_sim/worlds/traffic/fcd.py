@@ -22,10 +22,10 @@ from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.geometry import Array
 from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport
 from genie_sim.base.paths import check_is_file
+from genie_sim.base.spans import Ints
 from genie_sim.base.tables import is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
-from genie_sim.worlds.scene.view import Ints
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines

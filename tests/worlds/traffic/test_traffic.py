@@ -6,7 +6,6 @@ import logging
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +13,8 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.runs.prepare import prepare
-from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.worlds.traffic.traffic import _Course
 from tests.judge.judging import is_there
 from tests.worlds.traffic.fcd_files import write_fcd
 
@@ -67,12 +64,6 @@ def scenario(fcd: str, *, fleet=FLEET, **perception) -> Scenario:
 
 def drives(fcd: str, **perception):
     return prepare(scenario(fcd, **perception)).drives
-
-
-def test_a_course_of_two_places_goes_on_to_its_end():
-    rows = np.array([0.0, 1.0]), np.array([0.0, 10.0]), np.zeros(2), np.array([0.0, math.pi / 2])
-    course = _Course(SimpleNamespace(rows_of=lambda _: rows), 0)
-    assert course.at(1.0) == pytest.approx((10.0, 0.0, math.pi / 2, 0.0, 1.0, 10.0), abs=1e-9)
 
 
 def test_a_car_starts_and_ends_with_its_vehicle(fcd):
@@ -198,17 +189,6 @@ def test_a_fleet_has_cells_around_the_traffic_and_hand_overs(fcd):
     # 16 cells from west to east: a crosses the border of the first two.
     crosses_s = (west_m + (east_m - west_m) / 16 + 2.5) / 20
     assert faults[0].begin_ns / 1e9 == pytest.approx(crosses_s, abs=0.6)
-
-
-def test_a_run_is_the_same_again_and_another_with_another_seed(fcd):
-    def tables(seed):
-        settings = replace(scenario(fcd, equipped=["a", "b"]), seed=seed)
-        tables = simulate(prepare(settings))
-        return {name: table.to_frame().to_csv() for name, table in tables.items()}
-
-    first = tables(1)
-    assert first == tables(1)
-    assert first["held"] != tables(2)["held"]
 
 
 def test_the_same_traffic_gives_the_same_digest_in_any_file(fcd, tmp_path):

@@ -12,8 +12,8 @@ from genie_sim.base.classes import GROUPS
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Detection
 from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.keys import mix
 from genie_sim.worlds.scene.laws import MAX_VIEW_M, FittedLaws
-from genie_sim.worlds.scene.noise import mix
 from genie_sim.worlds.scene.objects import ObjectColumns, scene_object
 from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, in_view
 from tools.make.town_fit.copula import Pairs, normal_scores
