@@ -210,10 +210,7 @@ from genie_sim.base.geometry import (
 from genie_sim.data.geodesy import enu_SE3_enu as enu_SE3_enu
 
 # Settings, units and errors, for all of them.
-from genie_sim.base.settings import (
-    Bounds as Bounds,
-    Share as Share,
-)
+from genie_sim.base.marks import Bounds as Bounds, Share as Share
 from genie_sim.base.units import (
     NS_PER_MS as NS_PER_MS,
     NS_PER_S as NS_PER_S,

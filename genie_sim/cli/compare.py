@@ -7,11 +7,10 @@ import click
 from genie_sim.base.text import one_line
 from genie_sim.cli.arguments import (
     PATH,
-    changed_option,
+    folder_options,
     labels_option,
     listed,
     metrics_option,
-    own_code_option,
     shown_methods_option,
     table_format_option,
 )
@@ -30,8 +29,7 @@ from genie_sim.cli.arguments import (
 @labels_option
 @table_format_option
 @click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
-@changed_option
-@own_code_option
+@folder_options
 def compare(
     *,
     folders: tuple[Path, ...],

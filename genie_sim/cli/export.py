@@ -10,9 +10,8 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
     PATH,
-    changed_option,
+    folder_options,
     listed,
-    own_code_option,
     shown_methods_option,
 )
 
@@ -38,8 +37,7 @@ OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
     type=PATH,
     help="The file; default: run.mcap and so on in the folder.",
 )
-@changed_option
-@own_code_option
+@folder_options
 def export(
     folder: Path, format: str, methods: str | None, out: Path | None, allow_changed: bool
 ) -> None:

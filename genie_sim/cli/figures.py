@@ -8,10 +8,9 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import arguments, completion
 from genie_sim.cli.arguments import (
     PATH,
-    changed_option,
+    folder_options,
     labels_option,
     listed,
-    own_code_option,
     results_argument,
     shown_methods_option,
 )
@@ -47,8 +46,7 @@ from genie_sim.cli.arguments import (
     help="The folder, or with --only the file, such as f.pdf; default: figures in the first result"
     " folder.",
 )
-@changed_option
-@own_code_option
+@folder_options
 def figures(
     *,
     folders: tuple[Path, ...],

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError
-from genie_sim.cli.arguments import PATH, changed_option, own_code_option
+from genie_sim.cli.arguments import PATH, folder_options
 
 
 @click.command()
@@ -14,8 +14,7 @@ from genie_sim.cli.arguments import PATH, changed_option, own_code_option
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
 @click.option("--out", type=PATH, help="The page to write; default: report.html in the folder.")
-@changed_option
-@own_code_option
+@folder_options
 def report(
     *,
     folder: Path,

@@ -4,14 +4,13 @@ from pathlib import Path
 
 import click
 
-from genie_sim.cli.arguments import PATH, changed_option, own_code_option
+from genie_sim.cli.arguments import PATH, folder_options
 from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
 @click.argument("folder", type=PATH, help="A result folder of any kind.")
-@changed_option
-@own_code_option
+@folder_options
 def rerun(folder: Path, allow_changed: bool) -> None:
     """Run a result folder again and compare the contents."""
     from genie_sim import kinds

@@ -6,11 +6,10 @@ import click
 
 from genie_sim.cli.arguments import (
     PATH,
-    changed_option,
+    folder_options,
     labels_option,
     listed,
     metrics_option,
-    own_code_option,
     results_argument,
     shown_methods_option,
     table_format_option,
@@ -24,8 +23,7 @@ from genie_sim.cli.arguments import (
 @metrics_option
 @labels_option
 @click.option("--out", type=PATH, help="A file for the table, instead of printing it.")
-@changed_option
-@own_code_option
+@folder_options
 def table(
     *,
     folders: tuple[Path, ...],

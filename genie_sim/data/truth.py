@@ -19,6 +19,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import remembered
+from genie_sim.base.spans import rows_of_spans
 from genie_sim.core.messages import Frame, Location
 from genie_sim.data import world_table
 from genie_sim.data.trace import RANGE_M, Trace
@@ -144,8 +145,7 @@ class RecordedTruth:
                 last, of_frame = frame, self._spans.get(_key(frame), {})
             spans += of_frame.get(label, (0, 0))
         begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
-        index = np.repeat(np.arange(len(counts)), counts)
-        row = np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]
+        row, index = rows_of_spans(begins, counts)
         there_m = self._places_m[row]
         away_m = np.hypot(there_m[:, 0] - east_m[index], there_m[:, 1] - north_m[index])
         result = np.zeros(len(counts), dtype=bool)

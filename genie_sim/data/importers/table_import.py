@@ -22,7 +22,15 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import sha256_of
-from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn, FileTable
+from genie_sim.base.tables import (
+    EAST,
+    NORTH,
+    TIME,
+    DataFrameTable,
+    FileColumn,
+    FileTable,
+    ForeignTable,
+)
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
@@ -89,7 +97,7 @@ class _Table(NamedTuple):
 
     path: Path
     digest: str
-    reader: FileTable
+    reader: ForeignTable
 
     @classmethod
     def of(cls, name: str, table: Table) -> "_Table":

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import allow_own_code
 from genie_sim.cli import arguments
 from genie_sim.cli.arguments import PATH, accept_option, detector_options, set_option
 from genie_sim.cli.terminal import Commands, ProgressBar, tell
@@ -70,6 +71,7 @@ def attach(
     from genie_sim.sim.settings import MethodSettings
     from genie_sim_ros.attach import attach as attach_genie
 
+    allow_own_code()
     for assignment in set_:
         if not assignment.startswith("genie."):
             raise UserError(f"--set {assignment}: write --set genie.{assignment}")
@@ -163,6 +165,7 @@ def import_bag(
     from genie_sim.data.trace import check_replaceable
     from genie_sim_ros.bags import BagTopics, perceive_bag
 
+    allow_own_code()
     check_replaceable(out)  # before the detector runs
     place = arguments.geodetic("--origin", origin)
     laser_height_m = arguments.quantity("--laser-height", laser_height, length_m)
