@@ -355,21 +355,18 @@ def _lines(row: Row) -> list[str]:
     return [" & ".join(line).strip() + r" \\" for line in lines]
 
 
-def csv_of_rows(
-    names: Iterable[str], rows: Iterable[Sequence[Any]], changed: Sequence[str] = ()
-) -> str:
+def csv_of_rows(names: Iterable[str], rows: Iterable[Sequence[Any]]) -> str:
     """All numbers as CSV, to ten digits, one that is not defined as an empty field; no cell is a
-    formula to a spreadsheet. A last column names files which were changed since, where any was.
+    formula to a spreadsheet.
     """
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
-    last = [" ".join(changed)] if changed else []
-    for row in ([*names, *(["changed"] if changed else [])], *([*row, *last] for row in rows)):
+    for row in ([*names], *rows):
         writer.writerow([_exact_cell(cell) for cell in row])
     return to.getvalue()
 
 
-def csv_of_table(table: "pd.DataFrame", changed: Sequence[str] = ()) -> str:
+def csv_of_table(table: "pd.DataFrame") -> str:
     """The same of a table of numbers: the columns that say which setting, ``TIDY_FIELDS``, and
     what else there is.
     """
@@ -378,7 +375,7 @@ def csv_of_table(table: "pd.DataFrame", changed: Sequence[str] = ()) -> str:
     table = table if "seed" in names else table.assign(seed=None)
     columns = dict.fromkeys((*before, *TIDY_FIELDS, *names))
     rows = table.reindex(columns=list(columns)).itertuples(index=False, name=None)
-    return csv_of_rows(columns, rows, changed)
+    return csv_of_rows(columns, rows)
 
 
 def _exact_cell(cell: Any) -> Any:

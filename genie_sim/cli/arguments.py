@@ -190,13 +190,6 @@ def detector_settings(
     )
 
 
-changed_option = click.option(  # of every command that reads result folders
-    "--allow-changed",
-    is_flag=True,
-    help="Read files that were changed since the results were written; what is made says so.",
-)
-
-
 def refuse(mode: str, *names: str) -> None:
     """Raises ``UserError`` where one of these parameters of the running command was given: in this
     ``mode`` it would have no effect.

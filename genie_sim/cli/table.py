@@ -6,7 +6,6 @@ import click
 
 from genie_sim.cli.arguments import (
     PATH,
-    changed_option,
     labels_option,
     listed,
     metrics_option,
@@ -24,7 +23,6 @@ from genie_sim.cli.arguments import (
 @metrics_option
 @labels_option
 @click.option("--out", type=PATH, help="A file for the table, instead of printing it.")
-@changed_option
 @own_code_option
 def table(
     *,
@@ -34,7 +32,6 @@ def table(
     metrics: str | None,
     labels: tuple[str, ...],
     out: Path | None,
-    allow_changed: bool,
 ) -> None:
     """Print the numbers of results as a table for a paper.
 
@@ -47,7 +44,7 @@ def table(
     from genie_sim.analysis import renderers
 
     renderers.checked(format)
-    result = kinds.shown(folders, listed("--methods", methods), labels, allow_changed)
+    result = kinds.shown(folders, listed("--methods", methods), labels)
     text = result.text(format, listed("--metrics", metrics))
     if out is None:
         click.echo(text, nl=False)

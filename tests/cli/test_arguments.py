@@ -113,18 +113,16 @@ def test_options_of_several_commands():
         arguments.jobs_option,
         arguments.scheduler_option,
         arguments.own_code_option,
-        arguments.changed_option,
     )
     assert given(asked) == {
         "seeds": None,
         "label": "",
         "jobs": None,
         "scheduler": None,
-        "allow_changed": False,
         "own_code": False,
     }
-    chosen = given(asked, "--allow-own-code", "--allow-changed", "--jobs=1")
-    assert chosen["own_code"] and chosen["allow_changed"]
+    chosen = given(asked, "--allow-own-code", "--jobs=1")
+    assert chosen["own_code"]
     assert chosen["jobs"] == 1
     assert plugins._own_code_allowed, "it ends with the command"
     with pytest.raises(click.BadParameter):
