@@ -227,7 +227,8 @@ def test_a_table_that_is_sorted_stays_in_memory(tmp_path):
 def test_more_that_becomes_known_of_a_frame_after_all_is_entered():
     table = a_short_drive()
     row = table.take(method="genie", car="car2", stream="camera_02", stamp_ns=200 * MS)
-    late = OpenFrame("", Header(0, "", "")).update(row)
+    late = OpenFrame("", Header(0, "", ""))
+    late.__dict__.update(row)
     assert late.drop == "car2/detector:/image_raw" and late.image_hit is None and len(table) == 5
     late.bytes_up = 7
     table.append(late.values())
