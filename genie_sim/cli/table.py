@@ -35,7 +35,7 @@ def table(
 ) -> None:
     """Print the numbers of results as a table for a paper.
 
-    LaTeX needs the packages booktabs, siunitx and array.
+    LaTeX needs the packages booktabs and array.
 
     \b
     genie-sim table results/3car_hetero-65c23e86c242 --format latex --out latency.tex
