@@ -7,8 +7,8 @@ simulators.
 ciw and salabim; what it lacks is left out. ``--also`` measures what takes long: ``reproduce``,
 ``fleet_1000``, ``sweep``. ``--markdown`` writes the tables of docs/speed.md anew.
 
-What is compared takes turns, round by round; tables have the medians of the rounds, and of the
-ratios within them.
+What is compared takes turns, round by round; tables have the medians of the rounds, and the ratios
+of these.
 """
 
 from __future__ import annotations
@@ -238,19 +238,13 @@ def frame_us(prepared: Prepared, least_frames: int = 1) -> float:
     return 1e6 * cpu_s / frames
 
 
-def in_turn(
-    rounds: int, cases: Mapping[str, Callable[[], float]]
-) -> dict[str, tuple[float, float]]:
-    """The median of each case, and that of its ratios to the first case of the same round."""
-    found: dict[str, list[float]] = {name: [] for name in cases}
+def in_turn(rounds: int, cases: Mapping[str, Callable[[], float]]) -> dict[str, float]:
+    """The median of each case; in every round each has its turn."""
+    values: dict[str, list[float]] = {name: [] for name in cases}
     for _ in range(rounds):
         for name, measure in cases.items():
-            found[name].append(measure())
-    first = next(iter(found.values()))
-    return {
-        name: (median(values), median(a / b for a, b in zip(values, first, strict=True)))
-        for name, values in found.items()
-    }
+            values[name].append(measure())
+    return {name: median(of_case) for name, of_case in values.items()}
 
 
 def costs(sizes: Sizes) -> Block:
@@ -268,7 +262,7 @@ def costs(sizes: Sizes) -> Block:
         name: partial(frame_us, prepare(scenario), sizes.least_frames)
         for name, scenario in cases.items()
     }
-    rows = [(name, f"{us:.0f}") for name, (us, _) in in_turn(sizes.rounds, measures).items()]
+    rows = [(name, f"{us:.0f}") for name, us in in_turn(sizes.rounds, measures).items()]
     return markdown(("run", "processor time of a frame [µs]"), rows)
 
 
@@ -372,18 +366,19 @@ def compared(cars: int, times: int, rounds: int, peers_python: str) -> list[tupl
         answers[title(name)] = {tuple(one) for one in answer["answers"]}
         return float(1e6 * answer["cpu_s"] / plain.frames)
 
-    found = in_turn(rounds, {by_hand: simpy_us, ours: lambda: frame_us(prepared)})
-    for name in PEERS:
-        found[title(name)] = in_turn(1, {by_hand: simpy_us, name: partial(peer_us, name)})[name]
+    cases: dict[str, Callable[[], float]] = {by_hand: simpy_us, ours: lambda: frame_us(prepared)}
+    costs_us = in_turn(rounds, cases | {title(name): partial(peer_us, name) for name in PEERS})
     rows = []
-    for name, (us, ratio) in found.items():
+    for name, us in costs_us.items():
         if name in skipped:
             rows.append((f"{cars:,}", name, skipped[name], "", "", ""))
         else:
             share = f"{len(answers[name]) / plain.frames:.0%}"
             same = len(answers[name] & expected) / len(expected)
             same_text = "all" if answers[name] == expected else f"{same:.0%}"
-            rows.append((f"{cars:,}", name, f"{us:.1f}", f"{ratio:.2f}", share, same_text))
+            rows.append(
+                (f"{cars:,}", name, f"{us:.1f}", f"{us / costs_us[by_hand]:.2f}", share, same_text)
+            )
     return rows
 
 
@@ -396,15 +391,13 @@ def title(peer: str) -> str:
 
 def growth(sizes: Sizes) -> Block:
     """What a frame of a Genie run costs in ever larger fleets, each beside the smallest."""
-    rows = []
-    smallest = prepare(fleet(sizes.growth[0], "genie"))
-    for cars in sizes.growth:
-        cases = {
-            "smallest": partial(frame_us, smallest, sizes.least_frames),
-            "this": partial(frame_us, prepare(fleet(cars, "genie")), sizes.least_frames),
-        }
-        us, ratio = in_turn(min(sizes.rounds, 3), cases)["this"]
-        rows.append((f"{cars:,}", f"{us:.0f}", f"{ratio:.2f}"))
+    cases = {
+        f"{cars:,}": partial(frame_us, prepare(fleet(cars, "genie")), sizes.least_frames)
+        for cars in sizes.growth
+    }
+    costs_us = in_turn(min(sizes.rounds, 3), cases)
+    smallest_us = next(iter(costs_us.values()))
+    rows = [(cars, f"{us:.0f}", f"{us / smallest_us:.2f}") for cars, us in costs_us.items()]
     header = ("cars", "processor time of a frame [µs]", f"over that with {sizes.growth[0]} cars")
     return markdown(header, rows, texts=0)
 

@@ -106,9 +106,11 @@ from genie_sim.sim.fault import (
 from genie_sim.sim.network import Network as Network
 from genie_sim.sim.bends import (
     Bend as Bend,
+    shifted as shifted,
+)
+from genie_sim.sim.content import (
     Objects as Objects,
     bent as bent,
-    shifted as shifted,
 )
 
 # What both are made of: ROS graphs, time, random numbers.
@@ -170,32 +172,30 @@ from genie_sim.data.trace import (
     TraceFrame as TraceFrame,
     write_trace as write_trace,
 )
-from genie_sim.data.truth import (
-    TruthRow as TruthRow,
-    TruthTable as TruthTable,
-    path_beside as path_beside,
-    write_truth as write_truth,
-)
 
-# An importer of recordings: tables, pictures, scans, places.
+# An importer of recordings: tables, pictures, scans, places, what was there.
 from genie_sim.base.import_report import ImportReport as ImportReport
 from genie_sim.base.progress import Progress as Progress
 from genie_sim.data.importers.table_import import (
-    ImportedCar as ImportedCar,
     Sensor as Sensor,
     cars_of_tables as cars_of_tables,
-    write_cars as write_cars,
 )
 from genie_sim.data.importers.trace_import import (
+    ImportedCar as ImportedCar,
     traces as traces,
+    write_cars as write_cars,
     picture_frame as picture_frame,
     scan_frame as scan_frame,
-    detection as detection,
+    new_detection as new_detection,
     placed as placed,
     tell_network as tell_network,
     write_told as write_told,
 )
-from genie_sim.data.encoding import difference_hash as difference_hash
+from genie_sim.data.encoding import (
+    Picture as Picture,
+    picture_of as picture_of,
+)
+from genie_sim.data.truth import TruthObject as TruthObject
 from genie_sim.base.paths import read_bytes as read_bytes
 from genie_sim.data.kitti.number_files import (
     numbered_lines as numbered_lines,
@@ -210,10 +210,7 @@ from genie_sim.base.geometry import (
 from genie_sim.data.geodesy import enu_SE3_enu as enu_SE3_enu
 
 # Settings, units and errors, for all of them.
-from genie_sim.base.settings import (
-    Bounds as Bounds,
-    Share as Share,
-)
+from genie_sim.base.marks import Bounds as Bounds, Share as Share
 from genie_sim.base.units import (
     NS_PER_MS as NS_PER_MS,
     NS_PER_S as NS_PER_S,

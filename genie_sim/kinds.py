@@ -173,8 +173,8 @@ def _told(folder: Path, compared: "Compared") -> Iterator[str]:
         yield f"{name}: {how}"
     if not compared.reproduces:
         raise UserError(f"{folder}: the run does not reproduce its own result")
-    is_identical = set(compared.files.values()) == {"identical"}
-    yield f"{folder}: reproduced, {'byte for byte' if is_identical else 'by contents'}"
+    how = "byte for byte" if compared.is_identical else "by contents"
+    yield f"{folder}: reproduced, {how}"
 
 
 def folder_of(result: Result) -> Path:

@@ -33,21 +33,22 @@ def make_drive(
     image: np.ndarray | None = None,
     extension: str = "png",
     scan: np.ndarray | None = None,
+    date: str = DATE,
 ) -> Path:
     """A drive of cameras 02 and 03, one metre ahead a frame at 10 Hz; returns its folder."""
     import cv2
 
-    folder = root / DATE / f"{DATE}_drive_{number}_sync"
+    folder = root / date / f"{date}_drive_{number}_sync"
     for part in ("image_02", "image_03", "oxts", "velodyne_points"):
         (folder / part / "data").mkdir(parents=True)
     projection = f"{FOCAL} 0 {CENTRE_X} 0 0 {FOCAL} {CENTRE_Y} 0 0 0 1 0"
     lines = [f"P_rect_{camera}: {projection}" for camera in ("00", "01", "02", "03")]
     lines += [f"R_rect_{camera}: 1 0 0 0 1 0 0 0 1" for camera in ("00", "01", "02", "03")]
-    (root / DATE / "calib_cam_to_cam.txt").write_text(
+    (root / date / "calib_cam_to_cam.txt").write_text(
         "calib_time: 09-Jan-2012 13:57:47\n" + "\n".join(lines) + "\n"
     )
-    (root / DATE / "calib_velo_to_cam.txt").write_text(VELO_TO_CAM)
-    (root / DATE / "calib_imu_to_velo.txt").write_text(IMU_TO_VELO)
+    (root / date / "calib_velo_to_cam.txt").write_text(VELO_TO_CAM)
+    (root / date / "calib_imu_to_velo.txt").write_text(IMU_TO_VELO)
 
     image = np.full((HEIGHT, WIDTH, 3), 60, np.uint8) if image is None else image
     scan = np.zeros((10, 3)) if scan is None else scan
@@ -70,7 +71,7 @@ def make_drive(
     return folder
 
 
-def make_street(root: Path, frames: int = 3) -> Path:
+def make_street(root: Path, frames: int = 3, date: str = DATE) -> Path:
     """A drive whose pictures show one white cell in the middle, where the stand-in network sees a
     car, and whose scans have a surface 15 m ahead; returns its folder.
     """
@@ -78,7 +79,7 @@ def make_street(root: Path, frames: int = 3) -> Path:
     image[96:104, 320:328] = 255
     across, up = np.meshgrid(np.arange(-0.8, 0.8, 0.1), np.arange(-1.0, 0.5, 0.1))
     surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
-    return make_drive(root, frames=frames, image=image, scan=surface)
+    return make_drive(root, frames=frames, image=image, scan=surface, date=date)
 
 
 def make_network(path: Path, side: int = 416, classes: int = 80) -> Path:

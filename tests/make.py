@@ -15,7 +15,7 @@ import pandas as pd
 from genie_sim.analysis.metrics import compute
 from genie_sim.base.settings import from_plain
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
-from genie_sim.data.sources import RecordedDrives
+from genie_sim.data.sources import RecordedDrives, Recording
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.record.columns import Columns
 from genie_sim.record.log import Log
@@ -220,7 +220,8 @@ def build(
     """
     recordings = RecordedDrives(trace if trace is not None else street())
     if sent is not None:
-        recordings._encoded[None, setting.image_encoding] = sent
+        encoded = {setting.image_encoding: sent}
+        recordings._recordings[None] = Recording(recordings.main, None, None, encoded)
     prepared = prepare(setting, None, devices, recordings)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else new_tables()

@@ -1,4 +1,4 @@
-"""Digests of every column of every table, for nineteen settings that together use all of the
+"""Digests of every column of every table, for twenty settings that together use all of the
 simulator.
 
     python -m tests.table_digests            compare with table_digests.json; exit status 1 if
@@ -6,8 +6,9 @@ simulator.
     python -m tests.table_digests --write    write it anew, after a change of results on purpose
     python -m tests.table_digests --only town,faults
 
-The settings are short, and cover all methods on the shipped drive, a town with many cars, faults on
-links and hosts, looks that travel, every shipped kind of scenario, and extensions in plain Python.
+The settings are short, and cover all methods on the shipped drive, a town with many cars, recorded
+traffic, faults on links and hosts, looks that travel, every shipped kind of scenario, and
+extensions in plain Python.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ SHIPPED = {
 }
 # The scenarios whose digests have another name.
 FILES = {"case_study": "street_case_study", "1car_homo": "street_1car_homo"}
-NAMES = ("three cars", "recommended", "town", "literal", "faults", "own", *SHIPPED)
+NAMES = ("three cars", "recommended", "town", "traffic", "literal", "faults", "own", *SHIPPED)
 
 Digests = dict[str, dict[str, str]]  # by table, by column
 
@@ -67,6 +68,9 @@ def scenario(name: str) -> Scenario:
     if name == "town":
         small_town = ["fleet.cars=9", "perception.town.blocks=[3, 3]", "perception.duration=2 s"]
         return load_scenario("fleet_1000", small_town)
+    if name == "traffic":  # a fifth of the vehicles are cars, and drive
+        part = ["perception.begin=62 s", "perception.duration=3 s", "perception.equipped=0.2"]
+        return load_scenario("red_light", part)
     if name == "literal":
         return small.scenario(["genie"], genie={"algorithm": "literal"})
     if name == "faults":

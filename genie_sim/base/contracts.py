@@ -24,11 +24,11 @@ def whole(owner: object, field: str, value: Any) -> int:
     number of 0 or more. Raises ``UserError``.
     """
     if type(value) is not int or not 0 <= value < MAX_WHOLE:
-        require(is_whole(value), f"{class_of(owner)}: {field}", value, WHOLE)
+        require(is_whole(value), f"{class_name(owner)}: {field}", value, WHOLE)
     return int(value)
 
 
-def class_of(thing: object) -> str:
+def class_name(thing: object) -> str:
     """How scenarios name the class of an object: ``package.module:Class``."""
     return f"{type(thing).__module__}:{type(thing).__qualname__}"
 

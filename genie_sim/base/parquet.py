@@ -27,7 +27,7 @@ CELL_BYTES = 8  # of a number, or of a text's place among the texts that occur
 LISTED_BYTES = 64  # of a value in a list: each becomes an object of Python
 READING = 3  # so many times that much is taken while a file is read
 
-Chosen = Callable[["pa.Schema", Mapping[str, Any]], Sequence[str]]
+ColumnChoice = Callable[["pa.Schema", Mapping[str, Any]], Sequence[str]]
 
 
 def write(
@@ -65,7 +65,7 @@ def check_replaceable(path: Path, about: Collection[str]) -> None:
 
 
 def read(
-    path: Path, kind: str, chosen: Chosen, *, trusted: bool = False
+    path: Path, kind: str, chosen: ColumnChoice, *, trusted: bool = False
 ) -> "tuple[pa.Table, dict[str, Any]]":
     """The chosen columns of a file, and what the file says of itself.
 
@@ -106,7 +106,9 @@ def described(path: Path, kind: str) -> "tuple[pa.Schema, dict[str, Any]]":
 
 
 def batches(path: Path, names: Sequence[str], rows: int) -> Iterator[dict[str, list[Any]]]:
-    """Columns of anybody's table, so many rows at a time. Raises UserError as ``read`` does."""
+    """Columns of anybody's table, so many rows at a time, and ``""``, which is ``None`` in each.
+    Raises UserError as ``read`` does.
+    """
     import pyarrow.parquet as pq
 
     with regular(path) as file:

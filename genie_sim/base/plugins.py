@@ -4,11 +4,14 @@
 A registry is an explicit dict from a name to a class, or to the text ``package.module:Class`` of
 one that is imported when it is asked for.
 
-The way of a class of the user's own: ``own_code_allowed`` says whether one may be imported at all,
-``resolve`` imports it, ``call`` calls it; ``own_faults_told``, around both and around a simulation,
-turns what it raises into a line that names it. ``own_fault`` makes that line, ``own_place`` finds
-whose code it is. What it returns is checked where it is used (``base.contracts``; frames in
-``runs.own_classes``).
+Around a class of the user's own stand, from the outside in:
+
+- ``own_code_allowed``: whether one may be imported. The library may; a command only if its body, or
+  ``--allow-own-code``, calls ``allow_own_code``; a worker what may who gives it work;
+- ``own_faults_told``: what is raised within becomes a line with the class and the place;
+- ``resolve``, which imports the class, and ``call``, which calls it, both within the former, as a
+  simulation is;
+- checks of what it returns, where that is used: ``base.contracts``, frames in ``runs.own_classes``.
 """
 
 import importlib
@@ -18,8 +21,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of, unknown
 from genie_sim.base.paths import working_folder_kept
@@ -28,14 +30,18 @@ Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 NOT_IMPORTED = (ImportError, AttributeError, SyntaxError, ValueError, OSError)
 _own_code_allowed = True
-_own_modules: dict[str, str] = {}  # what was asked of each
+_own_modules: dict[str, dict[str, str]] = {}  # of each the classes, as error lines call them
+
+
+def is_own_code_allowed() -> bool:
+    """Whether a class of the user's own may be imported now."""
+    return _own_code_allowed
 
 
 @contextmanager
 def own_code_allowed(allowed: bool) -> Iterator[None]:
     """Unless ``allowed``, nothing in this process imports a class of the user's own while it lasts:
-    what a result folder names may be anybody's. Around everything that a command does with such a
-    folder.
+    what a result folder names may be anybody's.
     """
     global _own_code_allowed
     before, _own_code_allowed = _own_code_allowed, allowed
@@ -43,6 +49,12 @@ def own_code_allowed(allowed: bool) -> Iterator[None]:
         yield
     finally:
         _own_code_allowed = before
+
+
+def allow_own_code() -> None:
+    """Allows it until the ``own_code_allowed`` around this ends, such as that around a command."""
+    global _own_code_allowed
+    _own_code_allowed = True
 
 
 @dataclass(frozen=True)
@@ -99,7 +111,7 @@ def resolve(
         hint = f"{module_name.removesuffix('.py')}:{class_name}"
         raise UserError(f"{what} {name!r}: a module is named without .py: {hint}")
     if entry is None:
-        _own_modules[module_name] = f"{what} {name!r}"
+        _own_modules.setdefault(module_name, {})[class_name] = f"{what} {name!r}"
         if not _own_code_allowed:
             raise UserError(
                 f"{what} {name!r}: is third-party code; pass --allow-own-code to run it"
@@ -123,27 +135,45 @@ def resolve(
     return made
 
 
+class OwnPlace(NamedTuple):
+    """Where code of the user's own is: its class, such as ``fault 'mine:Flap'``, of a function
+    beside classes each that a scenario names; and ``mine.py, line 12, in run``.
+    """
+
+    owners: tuple[str, ...]
+    line: str
+
+    @property
+    def owner(self) -> str:
+        """What error lines begin with."""
+        return " or ".join(self.owners)
+
+
 def own_fault(error: BaseException) -> str | None:
     """One line about an exception that comes out of a class of the user's own, ``None`` for any
     other.
     """
-    place = _place_within(error)
+    place = own_place(error)
     if place is None:
         return None
-    whose, where = place.split(" (", 1)
-    return f"{whose}: {type(error).__name__}: {short_repr(text_of(error))} ({where}"
+    text = f"{type(error).__name__}: {short_repr(text_of(error))}"
+    return f"{place.owner}: {text} ({place.line})"
 
 
-def _place_within(error: BaseException) -> str | None:
-    """Where in code of the user's own an exception was raised, or called what raised it."""
+def own_place(error: BaseException) -> OwnPlace | None:
+    """Where in code of the user's own an exception was raised, or what raised it was called."""
     import traceback
 
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        place = own_place(frame, line)
-        if place:
-            return place
+        classes = _own_modules.get(frame.f_globals.get("__name__", ""))
+        if classes is not None:
+            code = frame.f_code
+            owner = classes.get(code.co_qualname.partition(".")[0])
+            owners = (*classes.values(),) if owner is None else (owner,)
+            file = Path(code.co_filename).name
+            return OwnPlace(owners, f"{file}, line {line}, in {code.co_name}")
     # SimPy raises a copy of what ends a process
-    return None if error.__cause__ is None else _place_within(error.__cause__)
+    return None if error.__cause__ is None else own_place(error.__cause__)
 
 
 @contextmanager
@@ -155,28 +185,15 @@ def own_faults_told() -> Iterator[None]:
         with working_folder_kept():
             yield
     except UserError as error:
-        place = _place_within(error)
-        whose = "" if place is None else place.split(" (", 1)[0]
-        if whose in str(error):
+        place = own_place(error)
+        if place is None or any(owner in str(error) for owner in place.owners):
             raise
-        raise UserError(f"{whose}: {error}") from error
+        raise UserError(f"{place.owner}: {error}") from error
     except BaseException as error:
         fault = own_fault(error)
         if fault is None or isinstance(error, KeyboardInterrupt):
             raise
         raise UserError(fault) from error
-
-
-def own_place(frame: FrameType, line: int | None = None) -> str | None:
-    """The class of the user's own to which code belongs that is running, and where it is:
-    ``fault 'mine:Flap' (mine.py, line 12, in run)``; ``None`` for any other code.
-    """
-    whose = _own_modules.get(frame.f_globals.get("__name__", ""))
-    if whose is None:
-        return None
-    code = frame.f_code
-    name = Path(code.co_filename).name
-    return f"{whose} ({name}, line {line or frame.f_lineno}, in {code.co_name})"
 
 
 def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any) -> Any:

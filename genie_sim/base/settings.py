@@ -1,7 +1,7 @@
 """Settings: plain frozen dataclasses, read from the plain data of YAML and JSON, and written back.
 
-A field is a setting. Its annotation is its type, with ``Bounds`` and the other marks of this module
-in ``Annotated`` where there is more to say. The end of its name is its unit (``delay_ns``); in YAML
+A field is a setting. Its annotation is its type, with the marks of ``base.marks`` in ``Annotated``
+where there is more to say. The end of its name is its unit (``delay_ns``); in YAML
 the name has none, but the value does (``delay: 0.2 ms``). The text below it is its description. The
 arguments of a plug-in's class are settings in the same way.
 
@@ -22,178 +22,20 @@ import importlib
 import inspect
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType, NoneType, UnionType
-from typing import (
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-)
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
-from genie_sim.base import plugins, units
+from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
+from genie_sim.base.marks import ENDINGS, Bounds, Key, Matches, NotEmpty, OneOf, Short
 from genie_sim.base.plugins import Choice, Parameter
+from genie_sim.base.setting_errors import SettingError, join, must, quoted
 from genie_sim.base.units import Quantity
 
 Settings = TypeVar("Settings")
 CLOSE = 0.75  # of difflib's ratio: above it a misspelt name, below it perhaps one of another place
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
-
-
-class SettingError(ValueError):
-    """``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the settings that are
-    read. ``more`` counts the mistakes besides; ``stray`` is a field that nothing there is called
-    like.
-    """
-
-    def __init__(self, field: str, text: str, more: int = 0, stray: bool = False) -> None:
-        super().__init__(f"{field}: {text}" if field else text)
-        self.field, self.text, self.more, self.stray = field, text, more, stray
-
-    def below(self, step: str | int) -> "SettingError":
-        """The same error, seen from the settings that hold these under ``step``."""
-        return SettingError(join(step, self.field), self.text, self.more, self.stray)
-
-    @property
-    def message(self) -> str:
-        """The text, and how many mistakes there are besides."""
-        return self.text + (f" (and {self.more} more)" if self.more else "")
-
-
-def quoted(key: object) -> str:
-    """A key as part of a path; in quotes if it is no plain word."""
-    return key if isinstance(key, str) and re.fullmatch(r"[\w-]{1,40}", key) else short_repr(key)
-
-
-def join(step: str | int, path: str) -> str:
-    """``path`` below a name, a path or an index: ``cars[1].edge``."""
-    begin = f"[{step}]" if isinstance(step, int) else step
-    return begin + path if not path or not begin or path.startswith("[") else f"{begin}.{path}"
-
-
-def check_unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:
-    """Raises ``SettingError`` for the first name that comes twice.
-
-    Parameters
-    ----------
-    field : str
-        The list that the names are from.
-    names : sequence of str
-        They themselves.
-    of : str
-        The path of a name below its entry of the list, such as ``.name``.
-    also : iterable of str
-        Names that are taken already.
-    """
-    taken = set(also)
-    for index, name in enumerate(names):
-        if name in taken:
-            raise SettingError(f"{field}[{index}]{of}", f"duplicate name {name!r}")
-        taken.add(name)
-
-
-def wrong(value: object, text: str) -> SettingError:
-    """What a value must be, and is not."""
-    return SettingError("", f"must {text}, not {short_repr(value)}")
-
-
-# --- marks
-
-
-@dataclasses.dataclass(frozen=True)
-class Bounds:
-    """A number must be at least ``minimum``, more than ``above`` and at most ``maximum``."""
-
-    minimum: float | None = None
-    above: float | None = None
-    maximum: float | None = None
-
-    def contain(self, number: float) -> bool:
-        """Whether a number is within the bounds."""
-        return (
-            (self.minimum is None or number >= self.minimum)
-            and (self.above is None or number > self.above)
-            and (self.maximum is None or number <= self.maximum)
-        )
-
-    def words(self, text: Callable[[Any], str]) -> str:
-        """The bounds in words, such as ``from 0 to 1``."""
-        if self.minimum is not None and self.maximum is not None:
-            return f"from {text(self.minimum)} to {text(self.maximum)}"
-        limits = {"at least": self.minimum, "more than": self.above, "at most": self.maximum}
-        given = [f"{words} {text(limit)}" for words, limit in limits.items() if limit is not None]
-        return " and ".join(given)
-
-
-@dataclasses.dataclass(frozen=True)
-class Matches:
-    """A text must match a regular expression and have at most ``maximum`` characters; ``rule`` says
-    so in words.
-    """
-
-    pattern: str
-    rule: str
-    maximum: int = 1_000_000
-
-
-@dataclasses.dataclass(frozen=True)
-class NotEmpty:
-    """A text, list or mapping must not be empty."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Key:
-    """The name in YAML, where it is not that of the field without its unit."""
-
-    name: str
-
-
-@dataclasses.dataclass(frozen=True)
-class OneOf:
-    """What a value of several types may be besides its named choices, in words."""
-
-    words: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Short:
-    """Texts that are read as well, such as ``10 MB`` for a mapping, or the name of a plug-in; the
-    class method ``expand`` reads them.
-    """
-
-    examples: tuple[str, ...] = ()
-    plug_in: "PlugIn | None" = None
-
-
-NOT_NEGATIVE, POSITIVE = Bounds(minimum=0), Bounds(above=0)
-ENDINGS: dict[str, tuple[Quantity[Any], Bounds]] = {  # of names
-    "_ns": (units.DURATION, NOT_NEGATIVE),
-    "_bytes": (units.SIZE, NOT_NEGATIVE),
-    "_bps": (units.RATE, POSITIVE),
-    "_m": (units.LENGTH, NOT_NEGATIVE),
-    "_rad": (units.ANGLE, Bounds()),
-    "_hz": (units.FREQUENCY, POSITIVE),
-    "_db": (units.RATIO, Bounds()),
-    "_dbm": (units.RADIATED, Bounds()),
-    "_w": (units.POWER, NOT_NEGATIVE),
-    "_ppm": (units.DRIFT, Bounds()),
-}
-Count = Annotated[int, Bounds(minimum=1)]
-Share = Annotated[float, Bounds(minimum=0, maximum=1)]
-Text = Annotated[str, NotEmpty()]
-Name = Annotated[
-    str,
-    Matches(
-        r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
-        "must be letters, digits, '_', '-' and '.', the first a letter or digit",
-        maximum=100,
-    ),
-]
 
 
 # --- the settings of a class
@@ -426,7 +268,7 @@ def _member(kind: Kind, value: object) -> Kind:
         named = [
             word for member in kind.members if member.type is Literal for word in member.arguments
         ]
-        raise wrong(value, f"be {', '.join([*named, kind.marks[OneOf].words])}")
+        raise must(f"be {', '.join([*named, kind.marks[OneOf].words])}", value)
     return next(member for member in kind.members if member.type is not NoneType)
 
 
@@ -450,9 +292,9 @@ def _number(kind: Kind, value: Any) -> float:
         _check_type(value, int | float, "a number")
         number = float(value) if abs(value) < 1e308 else math.inf
         if not math.isfinite(number):
-            raise wrong(value, "be a finite number")
+            raise must("be a finite number", value)
     if not bounds.contain(number):
-        raise wrong(value, f"be {bounds.words('{:,.10g}'.format)}")
+        raise must(f"be {bounds.words('{:,.10g}'.format)}", value)
     return number
 
 
@@ -485,7 +327,7 @@ def _is_number(value: object) -> bool:
 
 def _check_type(value: object, kind: Any, words: str) -> None:
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise wrong(value, f"be {words}")
+        raise must(f"be {words}", value)
 
 
 def _check_not_empty(kind: Kind, value: Any) -> None:
@@ -503,7 +345,7 @@ def _class_value(cls: type[Any], value: Any, base: Any) -> Any:
         if isinstance(value, cls):
             return value
     if not isinstance(value, Mapping):
-        raise wrong(value, "be a mapping")
+        raise must("be a mapping", value)
     keys = keys_of(cls)
     for key in value:
         if key not in keys:
@@ -608,7 +450,7 @@ class PlugIn:
     def name(self, value: object) -> str:
         """A name alone, such as that of an eviction policy. Raises ``SettingError``."""
         if isinstance(value, Mapping):
-            raise wrong(value, "be a name alone, without settings")
+            raise must("be a name alone, without settings", value)
         try:
             return plugins.checked_name(self.what, value, self.registry)
         except ValueError as error:
@@ -626,7 +468,7 @@ class PlugIn:
         if isinstance(value, str) and self.presets is not None and not plugins.is_own(value):
             return self.presets.get(value)
         if not isinstance(value, str | Mapping):
-            raise wrong(value, "be a name or a mapping")
+            raise must("be a name or a mapping", value)
         given = dict(value) if isinstance(value, Mapping) else {self.key: value}
         if self.key in given or "like" in given or not isinstance(base, Choice):
             base = None
@@ -644,9 +486,9 @@ class PlugIn:
         if name not in self.registry:
             for key, item in given.items():
                 if not isinstance(item, Parameter | list | Mapping):
-                    raise wrong(
-                        item, "be a number, true or false, text, a list or a mapping"
-                    ).below(quoted(key))
+                    raise must("be a number, true or false, text, a list or a mapping", item).below(
+                        quoted(key)
+                    )
             return Choice(name, before | given)
         cls = self.resolve(name)
         values = _arguments(cls, name, given, before=before, beside=self.keys_beside)
@@ -675,7 +517,7 @@ class PlugIn:
             return value.name
         if value.name not in self.registry:
             return {self.key: value.name, **value.parameters}
-        return {self.key: value.name, **_written(self.resolve(value.name), value.parameters)}
+        return {self.key: value.name, **written(self.resolve(value.name), value.parameters)}
 
 
 def complete(name: str, cls: Callable[..., Any], **parameters: Any) -> Choice:
@@ -719,7 +561,7 @@ def own_arguments(cls: Callable[..., Any], choice: Choice) -> dict[str, Any]:
     return others | _arguments(cls, choice.name, given)
 
 
-class Chosen(NamedTuple):
+class NamedPlugIn(NamedTuple):
     """A plug-in that settings name; its own settings stand at ``path``, unless it is a
     ``name_alone``.
     """
@@ -730,85 +572,26 @@ class Chosen(NamedTuple):
     name_alone: bool = False
 
 
-def chosen(value: object, path: str = "") -> Iterator[Chosen]:
+def named_plug_ins(value: object, path: str = "") -> Iterator[NamedPlugIn]:
     """Every plug-in that settings name, at any depth; ``path`` is where they stand themselves."""
     cls: Any = type(value)
     for setting in settings_of(cls):
         item = getattr(value, setting.name)
-        yield from _chosen(setting.annotation, item, join(path, setting.key), path)
+        yield from _plug_ins_of(setting.annotation, item, join(path, setting.key), path)
 
 
-def _chosen(kind: Any, item: object, path: str, parent: str) -> Iterator[Chosen]:
+def _plug_ins_of(kind: Any, item: object, path: str, parent: str) -> Iterator[NamedPlugIn]:
     plug_in = mark_in(kind, PlugIn)
     if plug_in is not None and isinstance(item, Choice | str):
         if isinstance(item, str):
-            yield Chosen(path, plug_in, Choice(item), name_alone=True)
+            yield NamedPlugIn(path, plug_in, Choice(item), name_alone=True)
         else:
-            yield Chosen(parent if plug_in.beside else path, plug_in, item)
+            yield NamedPlugIn(parent if plug_in.beside else path, plug_in, item)
     elif isinstance(item, tuple):
         for index, inner in enumerate(item):
-            yield from _chosen(kind, inner, f"{path}[{index}]", path)
+            yield from _plug_ins_of(kind, inner, f"{path}[{index}]", path)
     elif is_settings_class(type(item)):
-        yield from chosen(item, path)
-
-
-# --- as it is written
-
-
-def written_out(kind: Kind, value: object, *, is_whole: bool = True) -> dict[str, Any]:
-    """The mapping that a value is short for, as it is written; unless it ``is_whole``, with every
-    setting, as others would complete it. Raises ``SettingError`` where it is none.
-    """
-    for member in kind.members:
-        short, plug_in = member.marks.get(Short), member.marks.get(PlugIn)
-        plug_in = plug_in or (short and short.plug_in)
-        if plug_in is not None and isinstance(value, str):
-            is_preset = plug_in.presets is not None and value in plug_in.presets.choices
-            return {"like" if is_preset else plug_in.key: value}
-        if hasattr(member.type, "expand") and _plug_in_beside(member.type) is None:
-            if not is_whole and not isinstance(value, Mapping):
-                value = _class_value(member.type, value, None)
-            value = _expanded(member.type, value)
-    if not isinstance(value, Mapping):
-        raise wrong(value, "be a mapping")
-    return dict(value)
-
-
-def _expanded(cls: Any, value: object) -> object:
-    """A short form, or a mapping of which a part is short, as a mapping; what is wrong with one is
-    told when it is read.
-    """
-    try:
-        value = cls.expand(value)
-    except SettingError:
-        if not isinstance(value, Mapping):
-            raise
-    is_read = isinstance(value, cls)
-    return _written(cls, vars(value)) if is_read else value
-
-
-def settings_in(kind: Kind, value: Mapping[str, Any]) -> dict[str, Setting]:
-    """The settings that may stand in a mapping as it is written, by their names in YAML. Those that
-    take the place of another class's have no default.
-    """
-    settings: list[Setting] = []
-    for member in kind.members:
-        plug_in = member.marks.get(PlugIn)
-        if is_settings_class(member.type):
-            settings += settings_of(member.type)
-            plug_in = _plug_in_beside(member.type)
-            for cls in () if plug_in is None else plug_in.beside:
-                settings += (own._replace(default=REQUIRED) for own in settings_of(cls))
-        name = plug_in and value.get(plug_in.key, value.get("name", plug_in.default))
-        if plug_in is not None and name in plug_in.registry:
-            settings += settings_of(plug_in.resolve(str(name)))
-    return {setting.key: setting for setting in settings}
-
-
-def _plug_in_beside(cls: Any) -> "PlugIn | None":
-    """The plug-in of a settings class whose own settings stand beside those of the class."""
-    marks = (mark_in(setting.annotation, PlugIn) for setting in settings_of(cls))
-    return next((mark for mark in marks if mark is not None and mark.beside), None)
+        yield from named_plug_ins(item, path)
 
 
 # --- writing
@@ -835,7 +618,7 @@ def _plain(kind: Kind, value: Any) -> Any:
         if hasattr(value, "shorten"):
             return value.shorten()
         cls = type(value)
-        return _written(cls, {name: getattr(value, name) for name in names_of(cls)})
+        return written(cls, {name: getattr(value, name) for name in names_of(cls)})
     if Quantity in kind.marks and kind.type in (int, float) and _is_number(value):
         return kind.marks[Quantity].text(value)
     if isinstance(value, Mapping):
@@ -847,7 +630,7 @@ def _plain(kind: Kind, value: Any) -> Any:
     return value
 
 
-def _written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+def written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by their names in Python, as in YAML."""
     return {
         setting.key: _plain(setting.kind, values[setting.name])

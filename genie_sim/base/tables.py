@@ -27,7 +27,7 @@ from genie_sim.base.units import MAX_M, MAX_TIME_S
 if TYPE_CHECKING:
     import pandas
 
-MAX_NUMBER = 1e15  # of a column that names no limits: products with units stay finite
+MAX_CELL = 1e15  # of a column that names no limits: products with units stay finite
 FLAGS = {"true": True, "false": False, "1": True, "0": False}
 MAX_TEXT = 100
 MAX_LINE = 1_000_000  # characters of a text
@@ -80,8 +80,8 @@ class FileColumn:
 
     name: str
     kind: Literal["number", "text", "flag"] = "number"
-    lowest: float = -MAX_NUMBER
-    highest: float = MAX_NUMBER
+    lowest: float = -MAX_CELL
+    highest: float = MAX_CELL
     optional: bool = False
 
     def value(self, raw: object, factor: float = 1.0) -> Any:
@@ -161,46 +161,14 @@ class _ColumnPlace(NamedTuple):
     factor: float
 
 
-class FileTable:
-    """A table in a file: ``.parquet``, or else text. ``titles`` are those of its columns; a text
-    without a header has none. ``uneven``: rows of a text may have more or fewer cells than the
-    header; of known formats only, whose columns stand in their order.
-
-    Raises UserError for a file that cannot be read.
+class ForeignTable:
+    """A table of others: the ``titles`` of its columns and its ``cells``; errors begin with its
+    ``path``.
     """
 
-    def __init__(self, path: Path, *, uneven: bool = False) -> None:
-        self.path, self._uneven, self.separator = path, uneven, ","
-        self.titles: tuple[str, ...] = ()
-        check_is_file(path)
-        self._is_text = path.suffix != ".parquet"
-        if not self._is_text:
-            with parquet.opened(path) as file:
-                self.titles = _printable(path, file.schema_arrow.names)
-            self.columns = len(self.titles)
-            return
-        comment, content = "", list[str]()
-        with _lines(path) as lines:
-            for line in map(str.strip, lines):
-                if line.startswith("#"):
-                    comment = comment if content else line.strip("# ")
-                elif line.strip(EMPTY):
-                    content.append(line)
-                if len(content) == 2:
-                    break
-        if not content and not comment:
-            raise UserError(f"{path}: is empty")
-        first, second = [*content, "", ""][:2]
-        mark = next((mark for mark in MARKS if mark in first), BLANKS)
-        if mark == BLANKS and not uneven and len(first.split()) != len(second.split()):
-            mark = ";"  # blanks in the title of a single column
-        self.separator, cells = mark, _split(first, mark)
-        self.columns = len(cells)
-        self._has_header = not all(map(is_number, cells))
-        if self._has_header:
-            self.titles = _printable(path, cells)
-        elif len(titles := _split(comment, mark)) == self.columns:
-            self.titles = _printable(path, titles)
+    path: Path
+    titles: tuple[str, ...] = ()
+    separator = ","
 
     def place(self, column: FileColumn) -> _ColumnPlace | None:
         """Where a column stands; ``None`` where there is none. Raises UserError for one that is
@@ -255,6 +223,50 @@ class FileTable:
 
     def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
         """Where each row stands, and its raw cells of some columns; ``None``: of no column."""
+        raise NotImplementedError
+
+
+class FileTable(ForeignTable):
+    """A table in a file: ``.parquet``, or else text. ``titles`` are those of its columns; a text
+    without a header has none. ``uneven``: rows of a text may have more or fewer cells than the
+    header; of known formats only, whose columns stand in their order.
+
+    Raises UserError for a file that cannot be read.
+    """
+
+    def __init__(self, path: Path, *, uneven: bool = False) -> None:
+        self.path, self._uneven = path, uneven
+        check_is_file(path)
+        self._is_text = path.suffix != ".parquet"
+        if not self._is_text:
+            with parquet.opened(path) as file:
+                self.titles = _printable(path, file.schema_arrow.names)
+            self.columns = len(self.titles)
+            return
+        comment, content = "", list[str]()
+        with _lines(path) as lines:
+            for line in map(str.strip, lines):
+                if line.startswith("#"):
+                    comment = comment if content else line.strip("# ")
+                elif line.strip(EMPTY):
+                    content.append(line)
+                if len(content) == 2:
+                    break
+        if not content and not comment:
+            raise UserError(f"{path}: is empty")
+        first, second = [*content, "", ""][:2]
+        mark = next((mark for mark in MARKS if mark in first), BLANKS)
+        if mark == BLANKS and not uneven and len(first.split()) != len(second.split()):
+            mark = ";"  # blanks in the title of a single column
+        self.separator, cells = mark, _split(first, mark)
+        self.columns = len(cells)
+        self._has_header = not all(map(_is_number_cell, cells))
+        if self._has_header:
+            self.titles = _printable(path, cells)
+        elif len(titles := _split(comment, mark)) == self.columns:
+            self.titles = _printable(path, titles)
+
+    def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
         if self._is_text:
             for where, cells in self._of_text():
                 yield where, [None if index is None else cells[index] for index in indices]
@@ -288,13 +300,12 @@ class FileTable:
                 yield f"{self.path}: row {number}", list(cells)
 
 
-class DataFrameTable(FileTable):
+class DataFrameTable(ForeignTable):
     """A pandas DataFrame as a table; ``name`` begins its errors."""
 
     def __init__(self, frame: "pandas.DataFrame", name: str) -> None:
-        self.path, self.separator = Path(name), ","
+        self.path, self._frame = Path(name), frame
         self.titles = _printable(self.path, map(str, frame.columns))
-        self.columns, self._frame = len(self.titles), frame
 
     def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
         frame = self._frame.astype(object).where(self._frame.notna(), None)
@@ -370,7 +381,7 @@ def _split(line: str, separator: str) -> list[str]:
     return cells
 
 
-def is_number(cell: object) -> bool:
+def _is_number_cell(cell: object) -> bool:
     """Whether a cell holds a number, infinite or none of them included."""
     try:
         plain_number(with_point(cell))

@@ -23,9 +23,9 @@ _DIGITS = re.compile("[0-9]{1,9}")
 _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
 
-def _own_code(context: click.Context, _: object, value: bool) -> None:
-    """Holds from here to the end of the command, whatever it does with the option."""
-    context.with_resource(plugins.own_code_allowed(value))
+def _own_code(_: object, __: object, value: bool) -> None:
+    if value:
+        plugins.allow_own_code()
 
 
 class _Path(click.Path):
@@ -112,15 +112,6 @@ scheduler_option = click.option(
     help="Many machines instead: address of their Dask scheduler, tcp://host:8786.",
 )
 
-own_code_option = click.option(  # of every command that reads result folders
-    "--allow-own-code",
-    is_flag=True,
-    expose_value=False,
-    callback=_own_code,
-    help="Import classes that a folder names.",
-)
-
-
 accept_option = click.option(  # of every command that reads files of others
     "--accept", is_flag=True, help="Read what cannot be right all the same; the report says so."
 )
@@ -188,6 +179,15 @@ def detector_settings(
         encoding=encoding,
         classes=class_map("--map", classes, [*ROAD_LABELS, NO_CLASS]),
     )
+
+
+own_code_option = click.option(  # of every command that reads result folders
+    "--allow-own-code",
+    is_flag=True,
+    expose_value=False,
+    callback=_own_code,
+    help="Import classes that a folder names.",
+)
 
 
 def refuse(mode: str, *names: str) -> None:
@@ -292,11 +292,11 @@ def seeds(text: str | None) -> int | list[int] | None:
 
 
 def shard(text: str) -> tuple[int, int]:
-    """``2/8`` to (2, 8)."""
+    """``2/8`` to (2, 8). Raises ``UserError``."""
     number, of = map(_count, text.partition("/")[::2])
     if number is None or of is None or not 1 <= number <= of:
-        raise click.BadParameter(
-            f"--shard {short_repr(text)}: must be I/N with I from 1 to N, such as 2/8"
+        raise UserError(
+            f"--shard: {short_repr(text)}: expected I/N with I from 1 to N, such as 2/8"
         )
     return number, of
 

@@ -53,7 +53,7 @@ def _metrics() -> Listing:
     from genie_sim.analysis.registry import METRICS
 
     for name, metric in METRICS.items():
-        yield name, f"{metric.title} [{metric.unit}]" if metric.unit else metric.title
+        yield name, f"{metric.label}: {metric.meaning}"
 
 
 def _columns() -> Listing:

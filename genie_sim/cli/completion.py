@@ -1,6 +1,7 @@
 """What a shell may complete besides commands and options; paths it completes itself."""
 
 from collections.abc import Callable, Iterable
+from importlib import import_module
 
 Completion = Callable[[object, object, str], list[str]]  # as click's shell_complete takes it
 
@@ -31,34 +32,15 @@ def _of_files(*kinds: str) -> Completion:
     return _completion(names)
 
 
-def _methods() -> Iterable[str]:
-    from genie_sim.sim.method import METHODS
+def _of(*places: str) -> Completion:
+    """Completes what stands in these lists and tables, each ``module:NAME``."""
 
-    return METHODS
+    def names() -> Iterable[str]:
+        for place in places:
+            module, _, name = place.partition(":")
+            yield from getattr(import_module(f"genie_sim.{module}"), name)
 
-
-def _metrics() -> Iterable[str]:
-    from genie_sim.analysis.registry import METRICS
-
-    return METRICS
-
-
-def _figures() -> Iterable[str]:
-    from genie_sim.analysis.style import RUN_FIGURES
-
-    return (*RUN_FIGURES, *_metrics())
-
-
-def _widths() -> Iterable[str]:
-    from genie_sim.analysis.style import WIDTHS
-
-    return WIDTHS
-
-
-def _kinds() -> Iterable[str]:
-    from genie_sim.cli.catalogue import KINDS
-
-    return KINDS
+    return _completion(names)
 
 
 def _settings() -> Iterable[str]:
@@ -71,9 +53,9 @@ def _settings() -> Iterable[str]:
 scenarios = _of_files("SCENARIO")
 sweeps = _of_files("SWEEP")
 files_by_name = _of_files("SCENARIO", "SWEEP", "DEVICE")
-methods = _completion(_methods)
-metrics = _completion(_metrics)
-figures = _completion(_figures)
-widths = _completion(_widths)
-kinds = _completion(_kinds)
+methods = _of("sim.method:METHODS")
+metrics = _of("analysis.registry:METRICS")
+figures = _of("analysis.style:RUN_FIGURES", "analysis.registry:METRICS")
+widths = _of("analysis.style:WIDTHS")
+kinds = _of("cli.catalogue:KINDS")
 setting_paths = _completion(_settings)

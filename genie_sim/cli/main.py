@@ -73,7 +73,7 @@ for _command in COMMANDS:
     app.add_command(_command)
 
 
-@plugins.own_code_allowed(allowed=True)  # puts back, at the end, what a command has forbidden
+@plugins.own_code_allowed(allowed=False)  # but to a command that allows it
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130
     Ctrl-C or SIGTERM.

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import allow_own_code
 from genie_sim.cli import arguments, terminal
 from genie_sim.cli.arguments import COUNT, PATH
 from genie_sim.cli.terminal import ProgressBar
@@ -62,6 +63,7 @@ def profile(
     from genie_sim.base.import_report import ImportReport
     from genie_sim.scenario import device_fit
 
+    allow_own_code()
     if (detector is None) == (csv is None):
         raise UserError(
             "profile: give either --detector, to measure here, or --csv, with latencies measured "

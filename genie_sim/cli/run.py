@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import allow_own_code
 from genie_sim.base.text import one_line
 from genie_sim.cli import arguments, completion, terminal
 from genie_sim.cli.arguments import (
@@ -80,6 +81,7 @@ def run(
     """
     from genie_sim.base import files
 
+    allow_own_code()
     several = arguments.seeds(seeds)
     if seed is not None and several is not None:
         raise UserError("--seed and --seeds: give one of them")

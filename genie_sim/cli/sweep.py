@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import allow_own_code
 from genie_sim.cli import arguments, completion, terminal
 from genie_sim.cli.arguments import (
     PATH,
@@ -67,6 +68,7 @@ def sweep(
     genie-sim sweep where_it_pays
     genie-sim sweep fleet_30 --axis fleet.cars=10,20,40 --axis fleet.link=wifi,lte --seeds 3
     """
+    allow_own_code()
     if scheduler is not None:
         arguments.refuse("with --scheduler", "jobs")
     part = arguments.shard(shard)

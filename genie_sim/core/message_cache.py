@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from genie_sim.base.contracts import class_of, whole
+from genie_sim.base.contracts import class_name, whole
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.messages import Answer, Header
@@ -99,7 +99,7 @@ class MessageCache:
         key = self.eviction.victim()
         if key not in self.answers:
             text = f"victim() is {short_repr(key)}, but must be a key that is stored"
-            raise UserError(f"eviction {class_of(self.eviction)}: {text}")
+            raise UserError(f"eviction {class_name(self.eviction)}: {text}")
         self.remove(key)
 
     def remove(self, key: Hashable) -> None:

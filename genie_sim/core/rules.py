@@ -9,8 +9,10 @@ from typing import Annotated, Any, Literal
 
 from genie_sim.base import units
 from genie_sim.base.errors import short_repr
+from genie_sim.base.marks import Bounds, Count, OneOf, Share, Short
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import PlugIn
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES

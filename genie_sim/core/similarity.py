@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable
 from math import floor
 from typing import Any, Protocol
 
-from genie_sim.base.settings import SettingError
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.core.messages import Image, Request
 
 TURN_RAD = 2 * math.pi

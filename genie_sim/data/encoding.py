@@ -1,8 +1,15 @@
-"""Pictures as they are after being sent, and what stays nearly the same when a picture changes."""
+"""Pictures as they are after being sent, and what a trace keeps of them: fingerprints, and what
+stays nearly the same when a picture changes.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from genie_sim.base.features import packed
 from genie_sim.core.messages import Encoding
 
 # How OpenCV is asked for each, with libjpeg-turbo and libpng as they come with it.
@@ -11,6 +18,43 @@ FORMATS: dict[Encoding, tuple[str, list[int]]] = {
     "jpeg90": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 90]),
     "jpeg80": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 80]),
 }
+
+
+class Picture(NamedTuple):
+    """What a trace keeps of a picture besides what was found in it: see ``TraceFrame``.
+
+    ``size`` is width and height [pixels], ``size_bytes`` that of the encoded picture; ``None``: of
+    the raw pixels.
+    """
+
+    size: tuple[int, int]
+    digest: str
+    dhash: int
+    features: Mapping[str, bytes] = {}
+    size_bytes: int | None = None
+
+
+def picture_of(
+    pixels: np.ndarray, data: bytes, encoding: Encoding = "raw"
+) -> tuple[Picture, np.ndarray]:
+    """What a trace keeps of a picture, and the pixels that a detector gets to see.
+
+    Parameters
+    ----------
+    pixels : blue, green and red from 0 to 255, (height, width, 3)
+    data : the bytes that they were read from, whose sha256 is the digest
+    encoding : in which the picture is sent; its dhash is that of the original, its features are not
+    """
+    size, digest, dhash = (
+        pixels.shape[1::-1],
+        hashlib.sha256(data).hexdigest(),
+        difference_hash(pixels),
+    )
+    size_bytes = None
+    if encoding != "raw":
+        pixels, size_bytes = sent(pixels, encoding)
+    features = {"hsv": packed(hue_saturation(pixels))}
+    return Picture((size[0], size[1]), digest, dhash, features, size_bytes), pixels
 
 
 def sent(image_bgr: np.ndarray, encoding: Encoding) -> tuple[np.ndarray, int]:

@@ -6,7 +6,8 @@ scenario as ``source: package.module:Class``). Its arguments are its settings in
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ from genie_sim.data.frame_source import Drives, FrameSource
 if TYPE_CHECKING:
     from genie_sim.data.trace import Trace
     from genie_sim.data.truth import RecordedTruth, TruthTable
+
+NAMED_DIGITS = 8  # of a digest that tells two traces of one name apart
 
 SOURCES: dict[str, str] = {
     "recorded": "genie_sim.data.sources:Recorded",
@@ -45,71 +48,88 @@ class Recorded(FrameSource):
 
 
 @dataclass
+class Recording:
+    """One trace around the origin of a scenario, and what belongs to it.
+
+    ``path`` is its file, beside which encoded pictures may be; ``truth`` what was really there.
+    """
+
+    trace: "Trace"
+    path: Path | None
+    truth: "TruthTable | None"
+    encoded: "dict[Encoding, Trace]" = field(default_factory=dict)
+
+    @cached_property
+    def judged(self) -> "RecordedTruth | None":
+        """The truth, for whoever judges."""
+        from genie_sim.data.truth import RecordedTruth
+
+        return None if self.truth is None else RecordedTruth(self.truth)
+
+
+@dataclass
 class RecordedDrives(Drives):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
     of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
-    if it has no file.
+    if it has no file. Of two traces of one name the later has the beginning of its digest in it.
     """
 
     main: "Trace"
     origin: Geodetic | None = None
     path: Path | None = None
     truth: "TruthTable | None" = None
-    _read: "dict[str | None, Trace]" = field(default_factory=dict)
-    _truths: "dict[str, TruthTable]" = field(default_factory=dict)  # by the trace's digest
-    _known: "dict[str, RecordedTruth]" = field(default_factory=dict)  # of the same
-    _of_cars: dict[str, str | None] = field(default_factory=dict)
-    _encoded: "dict[tuple[str | None, Encoding], Trace]" = field(default_factory=dict)
+    _recordings: dict[str | None, Recording] = field(default_factory=dict)  # by the route's trace
+    _of_cars: dict[str, Recording] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "Trace":
+        if trace not in self._recordings:
+            self._recordings[trace] = self._opened(trace)
+        self._of_cars[car] = self._recordings[trace]
+        return self._of_cars[car].trace
+
+    def _opened(self, name: str | None) -> Recording:
         from genie_sim.data.trace import read_trace
         from genie_sim.data.truth import truth_beside
 
-        if trace not in self._read:
-            path = self.path if trace is None else files.find(files.TRACE, trace)
-            recording = self.main if trace is None or path is None else read_trace(path)
-            origin = self.main.origin if self.origin is None else self.origin
-            self._read[trace] = recording.rebased(origin)
-            truth = self.truth if trace is None else None
-            if path is not None:
-                truth = truth_beside(path, recording)
-            if truth is not None:
-                self._truths[self._read[trace].digest] = truth.rebased(origin)
-        self._of_cars[car] = trace
-        return self._read[trace]
+        path = self.path if name is None else files.find(files.TRACE, name)
+        trace = self.main if name is None or path is None else read_trace(path)
+        truth = self.truth if name is None else None
+        if path is not None:
+            truth = truth_beside(path, trace)
+        origin = self.main.origin if self.origin is None else self.origin
+        trace = trace.rebased(origin)
+        namesakes = (other for other in self._recordings.values() if other.trace.name == trace.name)
+        if any(other.trace.digest != trace.digest for other in namesakes):
+            trace = replace(trace, name=f"{trace.name} ({trace.digest[:NAMED_DIGITS]})")
+        return Recording(trace, path, None if truth is None else truth.rebased(origin))
 
     def truth_of(self, drive: "Trace") -> "RecordedTruth | None":
-        from genie_sim.data.truth import RecordedTruth
-
-        digest = drive.digest
-        if digest in self._truths and digest not in self._known:
-            self._known[digest] = RecordedTruth(self._truths[digest])
-        return self._known.get(digest)
+        recordings = self._recordings.values()
+        same = (recording for recording in recordings if recording.trace.digest == drive.digest)
+        return next((recording.judged for recording in same if recording.truth), None)
 
     def encoded(self, car: str, encoding: Encoding) -> "Trace":
         """A car's drive with its pictures encoded and decoded. Raises ``UserError``."""
-        trace = self._of_cars[car]
-        if (trace, encoding) not in self._encoded:
-            path = self.path if trace is None else files.find(files.TRACE, trace)
-            self._encoded[trace, encoding] = encoded_beside(path, self._read[trace], encoding)
-        return self._encoded[trace, encoding]
+        recording = self._of_cars[car]
+        if encoding not in recording.encoded:
+            recording.encoded[encoding] = encoded_beside(recording.path, recording.trace, encoding)
+        return recording.encoded[encoding]
 
     def digests(self) -> Mapping[str, str]:
-        digests = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
+        digests = {car: recording.trace.digest for car, recording in self._of_cars.items()}
         truths = {
-            f"truth of {car}": self._truths[digest].digest
-            for car, digest in digests.items()
-            if digest in self._truths
+            f"truth of {car}": recording.truth.digest
+            for car, recording in self._of_cars.items()
+            if recording.truth is not None
         }
         return digests | truths
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:
         about = {}
-        for name in self._of_cars.values():
-            trace = self._read[name]
+        for trace, truth in ((of_car.trace, of_car.truth) for of_car in self._of_cars.values()):
             about[trace.name] = dict(trace.provenance)
-        for table in self._truths.values():
-            about[f"truth of {table.provenance['trace']}"] = dict(table.provenance)
+            if truth is not None:
+                about[f"truth of {trace.name}"] = dict(truth.provenance)
         return about
 
 

@@ -19,6 +19,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import remembered
+from genie_sim.base.spans import rows_of_spans
 from genie_sim.core.messages import Frame, Location
 from genie_sim.data import world_table
 from genie_sim.data.trace import RANGE_M, Trace
@@ -31,11 +32,23 @@ RULER = {"tolerance_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
 MAX_RULER_M = 1000.0  # no sensor of a car sees farther
 
 
-class TruthRow(NamedTuple):
-    """One object in view of one frame. ``visible``: whoever is in that frame's place is expected to
-    know of it. With KITTI it counts in the benchmark (at least 25 pixels high, mostly in the
-    picture, and how hidden it is was judged).
+class TruthObject(NamedTuple):
+    """One object in view of a frame, by its number. ``visible``: whoever is in that frame's place
+    is expected to know of it. With KITTI it counts in the benchmark (at least 25 pixels high,
+    mostly in the picture, and how hidden it is was judged).
     """
+
+    object: int
+    label: str
+    moving: bool
+    visible: bool
+    east_m: float
+    north_m: float
+    up_m: float
+
+
+class TruthRow(NamedTuple):
+    """A ``TruthObject`` with the frame that it is in view of."""
 
     camera: str
     frame: int
@@ -132,8 +145,7 @@ class RecordedTruth:
                 last, of_frame = frame, self._spans.get(_key(frame), {})
             spans += of_frame.get(label, (0, 0))
         begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
-        index = np.repeat(np.arange(len(counts)), counts)
-        row = np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]
+        row, index = rows_of_spans(begins, counts)
         there_m = self._places_m[row]
         away_m = np.hypot(there_m[:, 0] - east_m[index], there_m[:, 1] - north_m[index])
         result = np.zeros(len(counts), dtype=bool)

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Literal
 
 from genie_sim.core.messages import CameraPose, Detection, Image
-from genie_sim.sim.bends import bent
+from genie_sim.sim.content import bent
 from genie_sim.sim.fault import Fault, Strike
 from genie_sim.sim.network import Network
 

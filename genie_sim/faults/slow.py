@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from genie_sim.base.settings import Bounds
+from genie_sim.base.marks import Bounds
 from genie_sim.sim.fault import Fault, Strike
 from genie_sim.sim.network import Network
 

@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.spans import rows_of_spans
+
 Array = np.ndarray[Any, Any]
 SMALL_GROUP = 64  # places in a group that are not worth rows
 
@@ -64,8 +66,8 @@ def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
     search_m = reach_m + 4.0 * np.spacing(max(our_keys.max(), their_keys[-1]))
     begins = np.searchsorted(their_keys, our_keys - search_m)
     counts = np.searchsorted(their_keys, our_keys + search_m, side="right") - begins
-    index = np.repeat(np.arange(len(counts)), counts)
-    found = order[np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]]
+    rows, index = rows_of_spans(begins, counts)
+    found = order[rows]
     if len(lines) > 1:
         index %= len(our_group)
     east_m = their_east_m[found] - our_east_m[index]

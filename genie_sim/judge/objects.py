@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.base.classes import class_of
+from genie_sim.base.spans import rows_of_spans
 from genie_sim.core.messages import Detection
 from genie_sim.judge.joins import Array
 from genie_sim.record.columns import Codes
@@ -88,8 +89,7 @@ class Objects:
             self._add(list(new.values()))
         spans = array("q", chain.from_iterable([known[id(objects)] for objects in shown]))
         first, counts = np.frombuffer(spans, dtype=np.int64).reshape(-1, 2).T
-        begins = np.cumsum(counts) - counts
-        return np.arange(counts.sum()) + np.repeat(first - begins, counts), counts
+        return rows_of_spans(first, counts)[0], counts
 
     def columns(self) -> ShownColumns:
         """All that have been numbered."""

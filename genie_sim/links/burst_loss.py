@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from genie_sim.base.settings import Bounds, SettingError, Share
+from genie_sim.base.marks import Bounds, Share
+from genie_sim.base.setting_errors import SettingError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import simpy
 
-from genie_sim.base.settings import Bounds, Count
+from genie_sim.base.marks import Bounds, Count
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.links.path_loss import StreetCanyon
 from genie_sim.sim.clock import Occupancy, Steps

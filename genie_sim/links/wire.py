@@ -5,7 +5,7 @@ for all but for jitter; some messages are lost.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from genie_sim.base.settings import Bounds, Share
+from genie_sim.base.marks import Bounds, Share
 from genie_sim.base.units import NS_PER_S
 from genie_sim.links.burst_loss import BurstLoss, LossProcess
 from genie_sim.sim.link_model import LinkEnds, TimedSender

@@ -8,7 +8,7 @@ from itertools import accumulate
 from typing import Annotated
 
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.base.settings import Bounds
+from genie_sim.base.marks import Bounds
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.messages import Answer

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
-from genie_sim.base.settings import Bounds, NotEmpty, Share
+from genie_sim.base.marks import Bounds, NotEmpty, Share
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Effect, Expired, Header, Image, Message, Publish
 from genie_sim.sim.method import (

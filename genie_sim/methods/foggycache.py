@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from genie_sim.base.settings import Bounds, Share
+from genie_sim.base.marks import Bounds, Share
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey

@@ -6,8 +6,8 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Annotated
 
+from genie_sim.base.marks import Bounds, Count, Share
 from genie_sim.base.seeds import Draws
-from genie_sim.base.settings import Bounds, Count, Share
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.eviction import TTL
 from genie_sim.core.messages import Answer

@@ -5,8 +5,8 @@ Vassilvitskii, PODS 2009).
 from dataclasses import dataclass
 from typing import Annotated
 
+from genie_sim.base.marks import Bounds
 from genie_sim.base.seeds import Draws
-from genie_sim.base.settings import Bounds
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Annotated, Literal
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import Bounds, Count, Share
+from genie_sim.base.marks import Bounds, Count, Share
 from genie_sim.core.messages import Detections
 from genie_sim.core.node import MakeAnswer
 from genie_sim.recommended.paced_genie import PacedGenie

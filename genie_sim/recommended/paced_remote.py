@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-from genie_sim.base.settings import Bounds, Count
+from genie_sim.base.marks import Bounds, Count
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.core.messages import Effect, Expired, Image, Message, Publish
 from genie_sim.methods.remote import Remote

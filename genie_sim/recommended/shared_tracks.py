@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-from genie_sim.base.settings import Bounds, Share
+from genie_sim.base.marks import Bounds, Share
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.tracks.track import COAST_NS, MotionClass, kind_of
 from genie_sim.tracks.track_map import FAST_DRIFT_M, TrackMap

@@ -2,6 +2,7 @@
 atomically.
 """
 
+import functools
 import hashlib
 import json
 import logging
@@ -112,12 +113,13 @@ def environment() -> dict[str, Any]:
         "genie_sim": VERSION,
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": _packages(),
+        "packages": dict(_packages()),
         "commit": _commit(),
     }
 
 
-def _packages() -> dict[str, str]:
+@functools.cache  # a sweep asks at every run
+def _packages() -> Mapping[str, str]:
     """The versions of those that are installed."""
     from importlib import metadata
 

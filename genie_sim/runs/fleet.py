@@ -110,28 +110,30 @@ class Cells:
         return cells
 
 
-def expanded(scenario: Scenario, fleet: Fleet, frames: Drives) -> tuple[Scenario, dict[str, Drive]]:
+def with_fleet(
+    scenario: Scenario, fleet: Fleet, frames: Drives
+) -> tuple[Scenario, dict[str, Drive]]:
     """The scenario with the fleet's cars and edges and its hand-overs, and the drive of each car.
 
     Raises ``UserError`` for a source that is no map, and for a car that is nowhere.
     """
     if frames.extent_m is None:
-        raise scenario.wrong("fleet", "needs a town to drive in: 'perception: {source: town}'")
+        raise scenario.error_at("fleet", "needs a town to drive in: 'perception: {source: town}'")
     starts_ns = frames.starts_ns()
     if starts_ns is None:
         if fleet.cars is None:
-            raise scenario.wrong("fleet.cars", "missing")
+            raise scenario.error_at("fleet.cars", "missing")
         starts_ns = {f"car{number}": 0 for number in range(1, fleet.cars + 1)}
     elif fleet.cars is not None:
         text = f"{scenario.perception.name} has {len(starts_ns):,} cars of its own: leave it out"
-        raise scenario.wrong("fleet.cars", text)
+        raise scenario.error_at("fleet.cars", text)
     west_m, south_m, east_m, north_m = frames.extent_m
     if not (west_m < east_m and south_m < north_m):
-        raise scenario.wrong("fleet", f"the map has no extent: {frames.extent_m} [m]")
+        raise scenario.error_at("fleet", f"the map has no extent: {frames.extent_m} [m]")
     cells = Cells(frames.extent_m, fleet.cell_m)
     if len(cells) > MAX_EDGES:
         text = f"makes more than {MAX_EDGES:,} edges of this map"
-        raise scenario.wrong("fleet.cell", text)
+        raise scenario.error_at("fleet.cell", text)
     names = [cells.name(cell) for cell in range(len(cells))]
     edges = tuple(
         Edge(
@@ -152,7 +154,7 @@ def expanded(scenario: Scenario, fleet: Fleet, frames: Drives) -> tuple[Scenario
         drive = frames.drive(name, None, start_ns)
         if drive.position is None:
             text = f"the drive of {name} has no position at any time"
-            raise scenario.wrong("fleet", text)
+            raise scenario.error_at("fleet", text)
         drives[name] = drive
         with as_user_error(
             f"{scenario.name}: {name} is at no place of the map", ValueError, OverflowError

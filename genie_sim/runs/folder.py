@@ -34,7 +34,7 @@ from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
 
 log = logging.getLogger(__name__)
-DIFFERENT = "DIFFERENT"
+IDENTICAL, EQUAL, DIFFERENT = "identical", "equal", "DIFFERENT"  # bytes, contents, neither
 
 
 def run_to_folder(
@@ -153,12 +153,16 @@ def methods_of(prepared: Prepared) -> list[MethodInfo]:
 
 class Compared(NamedTuple):
     """A result that was computed again: ``versions`` that are not those of the first time, a line
-    each, and of each file, by its name, whether its bytes are ``identical``, its contents
-    ``equal``, or whether it is ``DIFFERENT``.
+    each, and how each file, by its name, compares.
     """
 
     versions: Sequence[str]
     files: Mapping[str, str]
+
+    @property
+    def is_identical(self) -> bool:
+        """Whether all bytes are the same."""
+        return {*self.files.values()} == {IDENTICAL}
 
     @property
     def reproduces(self) -> bool:
@@ -217,19 +221,19 @@ def _compared(folder: Path, again: Path, path: Path) -> str:
     if not before.is_file():
         return DIFFERENT
     if sha256_of(before) == sha256_of(path):
-        return "identical"
+        return IDENTICAL
     if path.suffix == ".parquet":
         schema = SCHEMAS[path.stem]
         rows, again_rows = read_columns(before, schema), read_columns(path, schema, trusted=True)
         is_equal = len(rows) == len(again_rows) and all(
             _equal(rows[column.name], again_rows[column.name]) for column in schema.columns
         )
-        return "equal" if is_equal else DIFFERENT
+        return EQUAL if is_equal else DIFFERENT
     if path.suffix == ".json":
-        return "equal" if provenance.read_json(before) == provenance.read_json(path) else DIFFERENT
+        return EQUAL if provenance.read_json(before) == provenance.read_json(path) else DIFFERENT
     if path.suffix == ".yaml":
         first, second = (parse(read_text(file), str(file)) for file in (before, path))
-        return "equal" if first == second else DIFFERENT
+        return EQUAL if first == second else DIFFERENT
     return DIFFERENT
 
 

@@ -1,6 +1,5 @@
 """Prepares a run: opens what the scenario names, and gives every car its drive."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,7 +11,7 @@ from genie_sim.data.detectors import detector_laws
 from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
-from genie_sim.runs.fleet import expanded
+from genie_sim.runs.fleet import with_fleet
 from genie_sim.runs.own_classes import FramesOrigin
 from genie_sim.scenario import checks
 from genie_sim.scenario.methods import features_of
@@ -22,21 +21,6 @@ from genie_sim.sim.method import Method
 from genie_sim.sim.topology import ALL_SHARE, NEAREST
 from genie_sim.tracks.laws import DetectorLaws
 from genie_sim.version import VERSION
-
-# Settings that say nothing about which profiles and traces are needed.
-_SAME_FILES = {
-    "name",
-    "description",
-    "seed",
-    "methods",
-    "model",
-    "spread",
-    "start_jitter",
-    "queue_length",
-    "edge_network",
-    "genie",
-    "faults",
-}
 
 
 @dataclass(frozen=True)
@@ -92,22 +76,22 @@ def prepare(
         features = features_of(methods)
         starts_ns = {car.name: scenario.start_ns(car) for car in scenario.cars}
         owner = plugins.own_label("frame source", scenario.perception.name)
-        if frames is None:
-            if scenario.metrics:
-                from genie_sim.analysis.registry import own_metrics
+        if scenario.metrics:
+            from genie_sim.analysis.registry import own_metrics
 
-                own_metrics(scenario.metrics)
-            source: FrameSource = FRAME_SOURCE.make(scenario.perception)
-            if owner is not None:
-                own_classes.check_base(source, owner, FrameSource)
-            if source.is_map:
-                checks.check_time_on_map(scenario, source.duration_ns)
+            own_metrics(scenario.metrics)
+        source: FrameSource = FRAME_SOURCE.make(scenario.perception)
+        if owner is not None:
+            own_classes.check_base(source, owner, FrameSource)
+        if source.is_map:
+            checks.check_time_on_map(scenario, source.duration_ns)
+        if frames is None:
             frames = source.open(scenario.seed, scenario.origin, progress)
         if owner is not None:
             own_classes.check_base(frames, f"{owner}: what open() returns", Drives)
         full = scenario  # with every car and edge, each with the part of its drive that it replays
         if scenario.fleet is not None:
-            full, drives = expanded(scenario, scenario.fleet, frames)
+            full, drives = with_fleet(scenario, scenario.fleet, frames)
         else:
             drives = {
                 car.name: frames.drive(car.name, car.route.trace, starts_ns[car.name])
@@ -173,7 +157,7 @@ def _encoded_drives(scenario: Scenario, frames: Drives) -> dict[tuple[str, str],
                         f"source {scenario.perception.name!r} has no pictures to encode: leave it "
                         "'raw', and give 'cameras' a 'size'"
                     )
-                    raise scenario.wrong("image_encoding", text)
+                    raise scenario.error_at("image_encoding", text)
                 encoded[encoding, car.name] = sent
     return encoded
 
@@ -234,27 +218,18 @@ def notes(scenario: Scenario) -> list[str]:
 
 
 class SharedFrames:
-    """Traces, read once for all points that need the same ones; ``frames`` is what their runs
-    share.
+    """Frames that do not hang on the seed, opened once for all runs that ask their source for the
+    same drives.
     """
 
     def __init__(self) -> None:
         self.frames: dict[str, Drives] = {}
-        self._known: dict[str, Drives] = {}
 
     def prepare(self, scenario: Scenario) -> Prepared:
         """As ``prepare`` alone."""
-        needs = json.dumps(
-            {key: item for key, item in plain_data(scenario).items() if key not in _SAME_FILES}
-        )
-        prepared = prepare(scenario, frames=self._known.get(needs))
+        drives = scenario.fleet or [(car.name, car.route.trace) for car in scenario.cars]
+        asked = repr((scenario.perception, scenario.origin, drives))
+        prepared = prepare(scenario, frames=self.frames.get(asked))
         if not prepared.frames.seeded:
-            self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
+            self.frames[asked] = prepared.frames
         return prepared
-
-
-def _key(prepared: Prepared) -> str:
-    """Names the frames that a scenario needs."""
-    scenario = prepared.facts["scenario"]
-    source = json.dumps({key: scenario[key] for key in ("perception", "origin")})
-    return f"{source} {sorted(prepared.origin.digests.items())}"

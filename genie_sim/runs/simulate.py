@@ -166,7 +166,7 @@ def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:
             f"{duration_text(scenario.warm_up_ns)} leaves nothing to count: the last frame is "
             f"taken at {last_frame_ns / NS_PER_S:.1f} s"
         )
-        raise scenario.wrong("warm_up", text)
+        raise scenario.error_at("warm_up", text)
 
 
 def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:

@@ -7,19 +7,19 @@ rest is told when a run is prepared: ``check_own_plugins`` once the user's code 
 
 import logging
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import replace
+from contextlib import contextmanager
 from itertools import pairwise
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.features import feature_of
-from genie_sim.base.settings import SettingError, check_unique, join, own_arguments
+from genie_sim.base.setting_errors import SettingError, check_unique, join
+from genie_sim.base.settings import own_arguments
 from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
 from genie_sim.data.frame_source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.methods import METHOD, MethodEntry
-from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.frame_rate import recorded_rate
 from genie_sim.sim.link_model import LINK
@@ -160,19 +160,19 @@ def _check_links(scenario: Scenario) -> None:
     """Edges have places where a link model needs them, and one that needs cars is not between
     edges.
     """
-    for path, link in scenario.links():
-        model = LINK.make(link)
+    for link in scenario.links():
+        model, name = LINK.make(link.choice), link.choice.name
         if hasattr(model, "check"):
-            with _wrong(path):
+            with blamed_on(link.path):
                 model.check()
-        if path.endswith("edge_network"):
+        if link.between_edges:
             if getattr(model, "needs_cars", False):
-                text = f"link model {link.name!r} needs cars, and there are none between edges"
-                raise SettingError(path, text)
+                text = f"link model {name!r} needs cars, and there are none between edges"
+                raise SettingError(link.path, text)
         elif getattr(model, "needs_sites", False):
             for place, edge in enumerate(scenario.edges):
                 if edge.at_m is None:
-                    text = f"missing; link model {link.name!r} needs it"
+                    text = f"missing; link model {name!r} needs it"
                     raise SettingError(f"edges[{place}].at", text)
 
 
@@ -207,7 +207,7 @@ def _check_traces(scenario: Scenario) -> None:
     if "trace" in scenario.perception.parameters:
         traces["perception.trace"] = scenario.perception.parameters["trace"]
     for path, trace in traces.items():
-        with _wrong(path):
+        with blamed_on(path):
             files.find(files.TRACE, trace)
 
 
@@ -217,7 +217,7 @@ def _check_model(
     """The device runs the method's model, and answers before a request expires."""
     settings = scenario.method_settings[entry.name]
     where = f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else ""
-    with _wrong(f"{where}model"):
+    with blamed_on(f"{where}model"):
         try:
             median_ns = profile.median_ns(settings.model)
         except UserError as error:
@@ -236,59 +236,8 @@ def _check_model(
         raise SettingError(f"{where}genie.request_expiry", text)
 
 
-def sequence(scenario: Scenario) -> str | None:
-    """The sequence whose recordings the cars replay, each its own; ``None`` where they are of none.
-
-    Raises ``SettingError`` where the recordings would lose their common clock.
-    """
-    if scenario.perception.name != "recorded":
-        return None
-    main = scenario.perception.parameters["trace"]
-    traces = [car.route.trace or main for car in scenario.cars]
-    if len(set(traces)) < 2:
-        return None
-    from genie_sim.data.trace import sequence_of
-
-    sequences = {}
-    for trace in dict.fromkeys(traces):
-        with suppress(UserError):  # told by `check` with its setting, or when it is read
-            sequences[trace] = sequence_of(files.find(files.TRACE, trace))
-    named = [sequence for sequence in sequences.values() if sequence is not None]
-    if len(named) == len(set(named)):
-        return None
-    for index, (car, trace) in enumerate(zip(scenario.cars, traces, strict=True)):
-        place = f"cars[{index}].route"
-        if sequences.get(trace) != named[0] or trace in traces[:index]:
-            text = f"the cars drive together in {named[0]}: each needs a recording of it, its own"
-            raise SettingError(f"{place}.trace", text)
-        if replace(car.route, trace=None) != replace(scenario.cars[0].route, trace=None):
-            text = f"the recordings of {named[0]} are on one clock: all routes must be alike"
-            raise SettingError(place, f"{text} but for 'trace'")
-    if scenario.start_jitter_ns:
-        text = f"the recordings of {named[0]} are on one clock: must be 0 s"
-        raise SettingError("start_jitter", text)
-    return named[0]
-
-
-def profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
-    """The profile of every device, by the name or path that the scenario gives it. Raises
-    ``SettingError`` with the path where that stands first.
-    """
-    named = [(car.device, f"cars[{index}].device") for index, car in enumerate(scenario.cars)]
-    named += [(edge.device, f"edges[{index}].device") for index, edge in enumerate(scenario.edges)]
-    if scenario.fleet is not None:
-        named += [(device, "fleet.devices") for device in scenario.fleet.devices]
-        named.append((scenario.fleet.edge_device, "fleet.edge_device"))
-    found: dict[str, DeviceProfile] = {}
-    for device, path in named:
-        if device not in found:
-            with _wrong(path):
-                found[device] = load_profile(device)
-    return found
-
-
 @contextmanager
-def _wrong(path: str) -> Iterator[None]:
+def blamed_on(path: str) -> Iterator[None]:
     """What is raised within is wrong with the setting at ``path``."""
     try:
         yield
@@ -312,7 +261,7 @@ def check_own_plugins(scenario: Scenario) -> None:
             own_arguments(cls, choice)
         except SettingError as error:
             field = join(path, error.field)
-            raise scenario.wrong(field, error.message) from error
+            raise scenario.error_at(field, error.message) from error
 
 
 def check_time_on_map(scenario: Scenario, duration_ns: int) -> None:
@@ -335,7 +284,7 @@ def check_time(scenario: Scenario, path: str, route: Route, recorded_ns: int) ->
     total_ns = late_ns + route.laps * (end_ns - begin_ns) + (route.laps - 1) * route.pause_ns
     if total_ns > MAX_DAYS * DAY_NS:
         text = f"ends after {total_ns / DAY_NS:,.1f} days; at most {MAX_DAYS} are simulated"
-        raise scenario.wrong(path, text)
+        raise scenario.error_at(path, text)
 
 
 def check_driven(
@@ -361,7 +310,7 @@ def check_driven(
     for index, car in enumerate(scenario.cars[:1] if scenario.fleet else scenario.cars):
         _check_route(scenario, index, car, drives[car.name])
     for path, text in _faults(scenario, own=True):
-        raise scenario.wrong(path, text)
+        raise scenario.error_at(path, text)
     for index, entry in enumerate(scenario.methods):
         name = features[entry.name]
         if name is None:
@@ -375,7 +324,7 @@ def check_driven(
                     f"the frames of {drive.name} have no feature {name!r}, but {known}: "
                     f"{entry.name} cannot run on them; 'genie-sim perceive' makes features"
                 )
-                raise scenario.wrong(f"methods[{index}].feature", text)
+                raise scenario.error_at(f"methods[{index}].feature", text)
 
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
@@ -387,14 +336,14 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
         if camera.recording not in drive.frames:
             text = unknown("recording", camera.recording, drive.frames)
             text = f"{text} ({car.name} drives {drive.name})"
-            raise scenario.wrong(f"{path}.recording", text)
+            raise scenario.error_at(f"{path}.recording", text)
         recorded = recorded_rate(drive.frames[camera.recording])
         if camera.rate is not None and camera.rate > recorded * (1 + SAME_RATE):
             text = (
                 f"{frame_rate_text(camera.rate)} is more than was recorded: {recorded:.4g} Hz on "
                 f"{drive.name}"
             )
-            raise scenario.wrong(f"{path}.rate", text)
+            raise scenario.error_at(f"{path}.rate", text)
     recordings = [drive.frames[camera.recording] for camera in cameras]
     recorded_ns = max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings)
     check_time(scenario, f"cars[{index}].route", route, recorded_ns)
@@ -409,7 +358,7 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
             f"no camera takes a frame in it; {drive.name} has frames from {first_s:g} s to "
             f"{last_s:g} s"
         )
-        raise scenario.wrong(path, text)
+        raise scenario.error_at(path, text)
     period_ns = max(
         (
             later.stamp_ns - frame.stamp_ns
@@ -421,4 +370,4 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     if end_ns > max(stamps_ns) + max(period_ns, 1) and scenario.sequence is None:
         end_s, last_s = end_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
         text = f"ends at {end_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
-        raise scenario.wrong(path, text)
+        raise scenario.error_at(path, text)

@@ -1,13 +1,14 @@
 """The ``faults:`` of a scenario: what goes wrong where, and when."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from genie_sim.base.contracts import WHOLE, is_whole, require
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import PlugIn, SettingError, plain_data
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import PlugIn, written
 from genie_sim.base.units import NS_PER_MS, duration_text
 from genie_sim.sim.fault import FAULT_PARTS, FAULTS, FaultTimes, TimedFault
 
@@ -60,13 +61,10 @@ class FaultEntry(FaultTimes):
 
     def shorten(self) -> object:
         """The settings of the fault beside its times."""
-        times = FaultTimes(
-            **{field.name: getattr(self, field.name) for field in fields(FaultTimes)}
-        )
-        written = FAULT.plain(self.fault)
-        assert isinstance(written, dict), "every fault has a target"
-        given = {key: item for key, item in plain_data(times).items() if item is not None}
-        return {**written, **given}
+        fault = FAULT.plain(self.fault)
+        assert isinstance(fault, dict), "every fault has a target"
+        times = written(FaultTimes, vars(self))
+        return {**fault, **{key: item for key, item in times.items() if item is not None}}
 
     @property
     def target(self) -> Any:

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
+from genie_sim.base.marks import Bounds, Short
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Bounds, SettingError, Short
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.links.presets import LINKS
 from genie_sim.sim.link_model import LINK

@@ -6,8 +6,10 @@ from typing import Annotated, Any
 
 from genie_sim.base import plugins
 from genie_sim.base.contracts import require
+from genie_sim.base.marks import Matches, Name
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Matches, Name, PlugIn, SettingError, from_plain, keys_of
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import PlugIn, from_plain, keys_of
 from genie_sim.base.text import MAX_LABEL
 from genie_sim.sim.method import METHOD_PARTS, METHODS, Method
 from genie_sim.sim.settings import MethodSettings

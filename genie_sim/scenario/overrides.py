@@ -5,16 +5,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.marks import Short
 from genie_sim.base.plugins import Choice
+from genie_sim.base.setting_errors import SettingError, join, must
 from genie_sim.base.settings import (
     REQUIRED,
     Kind,
+    PlugIn,
     Setting,
-    SettingError,
-    join,
+    from_plain,
+    is_settings_class,
+    mark_in,
     plain_default,
-    settings_in,
-    written_out,
+    settings_of,
+    written,
 )
 from genie_sim.scenario.yaml_input import parse
 
@@ -83,11 +87,11 @@ class _Change(NamedTuple):
             other = f"did you mean {path}[*].{rest}, or {path}[0].{rest}?"
             raise UserError(f"{self.text}: {path}: is a list; {other}")
         try:
-            mapping = {} if node is None else written_out(kind, node, is_whole=is_whole)
+            mapping = {} if node is None else _written_out(kind, node, is_whole=is_whole)
         except SettingError:
             problem = f"is {short_repr(node)}, which has no setting {step!r}"
             raise UserError(f"{self.text}: {path}: {problem}") from None
-        setting = settings_in(kind, mapping).get(step)
+        setting = _settings_in(kind, mapping).get(step)
         if setting is None:
             mapping[step] = below.of(_ANYTHING, mapping.get(step), join(path, step), is_whole=True)
             return mapping
@@ -152,3 +156,59 @@ def _text(steps: Sequence[str | int]) -> str:
     for step in reversed(steps):
         path = join("[*]" if step == EVERY else step, path)
     return path
+
+
+def _written_out(kind: Kind, value: object, *, is_whole: bool = True) -> dict[str, Any]:
+    """The mapping that a value is short for, as it is written; unless it ``is_whole``, with every
+    setting, as others would complete it. Raises ``SettingError`` where it is none.
+    """
+    for member in kind.members:
+        short, plug_in = member.marks.get(Short), member.marks.get(PlugIn)
+        plug_in = plug_in or (short and short.plug_in)
+        if plug_in is not None and isinstance(value, str):
+            is_preset = plug_in.presets is not None and value in plug_in.presets.choices
+            return {"like" if is_preset else plug_in.key: value}
+        if hasattr(member.type, "expand") and _plug_in_beside(member.type) is None:
+            if not is_whole and not isinstance(value, Mapping):
+                value = from_plain(member.type, value)
+            value = _expanded(member.type, value)
+    if not isinstance(value, Mapping):
+        raise must("be a mapping", value)
+    return dict(value)
+
+
+def _expanded(cls: Any, value: object) -> object:
+    """A short form, or a mapping of which a part is short, as a mapping; what is wrong with one is
+    told when it is read.
+    """
+    try:
+        value = cls.expand(value)
+    except SettingError:
+        if not isinstance(value, Mapping):
+            raise
+    is_read = isinstance(value, cls)
+    return written(cls, vars(value)) if is_read else value
+
+
+def _settings_in(kind: Kind, value: Mapping[str, Any]) -> dict[str, Setting]:
+    """The settings that may stand in a mapping as it is written, by their names in YAML. Those that
+    take the place of another class's have no default.
+    """
+    settings: list[Setting] = []
+    for member in kind.members:
+        plug_in = member.marks.get(PlugIn)
+        if is_settings_class(member.type):
+            settings += settings_of(member.type)
+            plug_in = _plug_in_beside(member.type)
+            for cls in () if plug_in is None else plug_in.beside:
+                settings += (own._replace(default=REQUIRED) for own in settings_of(cls))
+        name = plug_in and value.get(plug_in.key, value.get("name", plug_in.default))
+        if plug_in is not None and name in plug_in.registry:
+            settings += settings_of(plug_in.resolve(str(name)))
+    return {setting.key: setting for setting in settings}
+
+
+def _plug_in_beside(cls: Any) -> PlugIn | None:
+    """The plug-in of a settings class whose own settings stand beside those of the class."""
+    marks = (mark_in(setting.annotation, PlugIn) for setting in settings_of(cls))
+    return next((mark for mark in marks if mark is not None and mark.beside), None)

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
-from genie_sim.base.settings import Bounds, SettingError
+from genie_sim.base.marks import Bounds
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.scenario.sourced import Sourced
 

@@ -13,8 +13,10 @@ from typing import Annotated
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.marks import Bounds, Key, Name, Share
 from genie_sim.base.paths import read_text
-from genie_sim.base.settings import Bounds, Key, Name, SettingError, Share, read
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import read
 from genie_sim.scenario.power import DevicePower, Watts
 from genie_sim.scenario.sourced import Sourced
 from genie_sim.scenario.yaml_input import read_mapping

@@ -3,16 +3,19 @@ known before simulating.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import SettingError, from_plain
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import from_plain
 from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.overrides import apply_overrides
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import ReadFrom, Scenario
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.sim.method import METHODS
@@ -133,7 +136,58 @@ def _checked(scenario: Scenario) -> Scenario:
     """The scenario with what the files that it names say. Raises ``SettingError`` unless the
     settings fit together, and to these files.
     """
-    sequence, profiles = checks.sequence(scenario), checks.profiles(scenario)
+    sequence, profiles = _recorded_sequence(scenario), _loaded_profiles(scenario)
     scenario = replace(scenario, sequence=sequence, profiles=profiles)
     checks.check(scenario)
     return scenario
+
+
+def _recorded_sequence(scenario: Scenario) -> str | None:
+    """The sequence whose recordings the cars replay, each its own; ``None`` where they are of none.
+
+    Raises ``SettingError`` where the recordings would lose their common clock.
+    """
+    if scenario.perception.name != "recorded":
+        return None
+    main = scenario.perception.parameters["trace"]
+    traces = [car.route.trace or main for car in scenario.cars]
+    if len(set(traces)) < 2:
+        return None
+    from genie_sim.data.trace import sequence_of
+
+    sequences = {}
+    for trace in dict.fromkeys(traces):
+        with suppress(UserError):  # told by `check` with its setting, or when it is read
+            sequences[trace] = sequence_of(files.find(files.TRACE, trace))
+    named = [sequence for sequence in sequences.values() if sequence is not None]
+    if len(named) == len(set(named)):
+        return None
+    for index, (car, trace) in enumerate(zip(scenario.cars, traces, strict=True)):
+        place = f"cars[{index}].route"
+        if sequences.get(trace) != named[0] or trace in traces[:index]:
+            text = f"the cars drive together in {named[0]}: each needs a recording of it, its own"
+            raise SettingError(f"{place}.trace", text)
+        if replace(car.route, trace=None) != replace(scenario.cars[0].route, trace=None):
+            text = f"the recordings of {named[0]} are on one clock: all routes must be alike"
+            raise SettingError(place, f"{text} but for 'trace'")
+    if scenario.start_jitter_ns:
+        text = f"the recordings of {named[0]} are on one clock: must be 0 s"
+        raise SettingError("start_jitter", text)
+    return named[0]
+
+
+def _loaded_profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
+    """The profile of every device, by the name or path that the scenario gives it. Raises
+    ``SettingError`` with the path where that stands first.
+    """
+    named = [(car.device, f"cars[{index}].device") for index, car in enumerate(scenario.cars)]
+    named += [(edge.device, f"edges[{index}].device") for index, edge in enumerate(scenario.edges)]
+    if scenario.fleet is not None:
+        named += [(device, "fleet.devices") for device in scenario.fleet.devices]
+        named.append((scenario.fleet.edge_device, "fleet.edge_device"))
+    loaded: dict[str, DeviceProfile] = {}
+    for device, path in named:
+        if device not in loaded:
+            with checks.blamed_on(path):
+                loaded[device] = load_profile(device)
+    return loaded

@@ -4,26 +4,23 @@
 names carry units (``start_ns``), in YAML values do (``start: 3 s``).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from genie_sim.base import plugins, units
 from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.marks import Bounds, Name, NotEmpty, Short
 from genie_sim.base.plugins import Choice
 from genie_sim.base.seeds import stream
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import (
-    Bounds,
-    Chosen,
-    Name,
-    NotEmpty,
+    NamedPlugIn,
     PlugIn,
-    SettingError,
-    Short,
-    chosen,
     from_plain,
     merged,
+    named_plug_ins,
     names_of,
 )
 from genie_sim.data.frame_source import FrameSource
@@ -79,6 +76,14 @@ class ReadFrom(NamedTuple):
         return next(texts, self.file)
 
 
+class NamedLink(NamedTuple):
+    """A link, the path of the setting that names it, and whether it lies between edges."""
+
+    path: str
+    choice: Choice
+    between_edges: bool = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scenario(MethodSettings):
     """Everything that decides the outcome of a run, but for the files it names."""
@@ -96,9 +101,8 @@ class Scenario(MethodSettings):
         USUAL_METHODS
     )
     """The methods to compare, in this order, each on the same random numbers. A method's name, or a
-    mapping with `name`, `method`, `title`, the method's own arguments, and settings of the scenario
-    that differ for this entry (`genie`, `model`, `spread`, `queue_length`, `consumer`,
-    `image_encoding`, `edge_network`, `edge_neighbours`, `serving`)."""
+    mapping with `name`, `method`, `title`, the method's own arguments, and what differs for this
+    entry of the scenario's settings, such as `genie` or `model`."""
 
     perception: Annotated[Choice, FRAME_SOURCE] = USUAL_TRACE
     """Where frames and detections come from."""
@@ -202,7 +206,7 @@ class Scenario(MethodSettings):
         """
         return self.sequence is not None or (self.source is not None and self.source.is_one_world)
 
-    def wrong(self, path: str, text: str) -> UserError:
+    def error_at(self, path: str, text: str) -> UserError:
         """That ``text`` is wrong with the setting at ``path``, where it only shows once files are
         open: it begins with the override that set it, else the file.
         """
@@ -220,35 +224,37 @@ class Scenario(MethodSettings):
         late_ns = int(stream(self.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
         return car.route.start_ns + late_ns
 
-    def links(self) -> Iterator[tuple[str, Choice]]:
-        """The path and the choice of each link that is named here, of equal ones the first. One in
-        the edge network never equals a car's: other things are checked of it. Those of the user's
-        own are left out: their code runs only where a scenario does.
+    def links(self) -> "list[NamedLink]":
+        """Every link that is named here, of equal ones the first; but those of the user's own,
+        whose code runs only where a scenario does.
         """
-        named = [(f"cars[{index}].link", car.link) for index, car in enumerate(self.cars)]
+        named = [
+            NamedLink(f"cars[{index}].link", car.link)
+            for index, car in enumerate(self.cars)
+            if car.link is not None
+        ]
         if self.fleet is not None:
-            named.append(("fleet.link", self.fleet.link))
+            named.append(NamedLink("fleet.link", self.fleet.link))
         for index, entry in enumerate(self.methods):
             where = f"methods[{index}]." if "edge_network" in entry.settings else ""
-            settings = self.method_settings[entry.name]
-            named.append((f"{where}edge_network", settings.edge_network))
-        seen = set()
-        for path, link in named:
-            key = repr(link), path.endswith("edge_network")
-            if link is not None and key not in seen and not plugins.is_own(link.name):
-                seen.add(key)
-                yield path, link
+            choice = self.method_settings[entry.name].edge_network
+            named.append(NamedLink(f"{where}edge_network", choice, between_edges=True))
+        first: dict[tuple[str, bool], NamedLink] = {}
+        for link in named:
+            if not plugins.is_own(link.choice.name):
+                first.setdefault((repr(link.choice), link.between_edges), link)
+        return list(first.values())
 
-    def own_plugins(self) -> list[Chosen]:
+    def own_plugins(self) -> list[NamedPlugIn]:
         """The classes of the user's own that are named here, wherever."""
-        named = list(chosen(self))
+        named = list(named_plug_ins(self))
         for index, entry in enumerate(self.methods):
             if entry.settings:
-                named += chosen(self.method_settings[entry.name], f"methods[{index}]")
+                named += named_plug_ins(self.method_settings[entry.name], f"methods[{index}]")
         detector = self.perception.parameters.get("detector")
         if detector is not None:
             choice = Choice(str(detector))
-            named.append(Chosen("perception.detector", DETECTOR, choice, name_alone=True))
+            named.append(NamedPlugIn("perception.detector", DETECTOR, choice, name_alone=True))
         return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
 
     def own_classes(self) -> dict[str, tuple[str, str]]:
@@ -268,8 +274,8 @@ class Scenario(MethodSettings):
     def link_digests(self) -> dict[str, str]:
         """Digests of the recordings that links replay."""
         digests: dict[str, str] = {}
-        for _, link in self.links():
-            digests |= getattr(LINK.make(link), "digests", dict)()
+        for link in self.links():
+            digests |= getattr(LINK.make(link.choice), "digests", dict)()
         return digests
 
     def new_methods(self) -> dict[str, Method]:

@@ -14,15 +14,12 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union
 
 from genie_sim.base.docstrings import docstring
+from genie_sim.base.marks import Bounds, Matches, NotEmpty, Short
 from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice
 from genie_sim.base.settings import (
     REQUIRED,
-    Bounds,
     Kind,
-    Matches,
-    NotEmpty,
     PlugIn,
-    Short,
     is_settings_class,
     mark_in,
     plain_default,

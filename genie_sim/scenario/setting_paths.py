@@ -5,7 +5,8 @@ from functools import cache
 from typing import Any
 
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Kind, PlugIn, is_settings_class, join, settings_of
+from genie_sim.base.setting_errors import join
+from genie_sim.base.settings import Kind, PlugIn, is_settings_class, settings_of
 
 MAX_HINTS = 3
 

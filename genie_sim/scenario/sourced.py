@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from genie_sim.base.settings import Text
+from genie_sim.base.marks import Text
 
 
 @dataclass(frozen=True, kw_only=True)

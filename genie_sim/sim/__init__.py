@@ -6,8 +6,8 @@ By subject:
 - The run: ``settings`` (who drives where), ``setup`` (what a world is built from), ``world``
   (builds it and lets time run), ``clock`` (time, and the queue in which messages wait),
   ``monitor`` (what an observer is told).
-- Cars: ``places`` (where a car is), ``cameras``, ``frame_rate``, ``listener`` (takes the
-  answers).
+- Cars: ``places`` (where a car is), ``cameras``, ``content`` (what an image carries),
+  ``frame_rate``, ``listener`` (takes the answers).
 - Hosts: ``host`` (processors; here times are drawn), ``device`` (their laws), ``draw_keys``
   (which random number belongs to what).
 - ROS: ``ros_graph`` (topics, queues, threads of nodes), ``nodes`` (detector and Genie),

@@ -7,15 +7,15 @@ one host exchange stays as it is.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 from genie_sim.core.messages import CameraPose, Detection, Detections, Image, Look, Message
+from genie_sim.sim.content import Objects, bent
 
 # Gives a message as it goes on to, or comes from, a host of this name; ``None``: it is lost.
 Change = Callable[[Message, str], Message | None]
 Sense = Callable[[Image], Image | None]
-Objects = tuple[Detection, ...]
 
 
 @dataclass(frozen=True)
@@ -62,21 +62,6 @@ class Border(NamedTuple):
 NO_BORDER = Border("", "", [], [])
 
 
-class BentFrame:
-    """A frame in which a detector finds something else: what ``change`` makes of its detections."""
-
-    def __init__(self, frame: Any, change: Callable[[Objects], Objects]) -> None:
-        self._frame = frame
-        self.change = change
-
-    @cached_property
-    def detections(self) -> Objects:
-        return self.change(self._frame.detections)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._frame, name)
-
-
 def shifted(message: Message, east_m: float, north_m: float) -> Message:
     """A message with all of its places elsewhere: poses, and objects in the world."""
     if isinstance(message, Image):
@@ -90,13 +75,6 @@ def shifted(message: Message, east_m: float, north_m: float) -> Message:
         objects = _shifted_all(message.objects, east_m, north_m)
         return replace(message, objects=objects, look=look)
     return message
-
-
-def bent(content: Any, change: Callable[[Objects], Objects]) -> Any:
-    """A picture in which a detector finds something else."""
-    if hasattr(content, "_replace"):  # an encoded picture
-        return content._replace(detections=change(content.detections))
-    return BentFrame(content, change)
 
 
 def _shifted_look(look: Look, east_m: float, north_m: float) -> Look:

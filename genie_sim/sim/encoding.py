@@ -8,8 +8,9 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from genie_sim.core.messages import Detection, Encoding, Frame, Image, Message
+from genie_sim.core.messages import Encoding, Frame, Image, Message
 from genie_sim.sim.clock import Steps
+from genie_sim.sim.content import BentFrame, EncodedContent
 from genie_sim.sim.device import MEGABYTE
 from genie_sim.sim.ros_graph import Graph, Node, camera_flow
 
@@ -34,17 +35,6 @@ Take = Callable[[str, Message, str], None]  # topic, message, sender
 Recorded = Mapping[str, Mapping[tuple[str, int], Frame]]
 
 
-class EncodedContent(NamedTuple):
-    """What is found in an encoded image, its size on the wire and in memory, and the raw image's
-    features.
-    """
-
-    detections: tuple[Detection, ...]
-    encoded_bytes: int
-    raw_bytes: int
-    features: Mapping[str, bytes]
-
-
 @dataclass(frozen=True)
 class ImageCodec:
     """How images are encoded, and how they are recorded after that.
@@ -67,10 +57,11 @@ class ImageCodec:
             frame = frames.get((digest, content.stamp_ns))
             if frame is None:  # a position
                 return message
-            change = getattr(content, "change", None)  # a fault of the camera
             detections = frame.detections
+            if isinstance(content, BentFrame):
+                detections = content.change(detections)
             content = EncodedContent(
-                detections=detections if change is None else change(detections),
+                detections=detections,
                 encoded_bytes=min(frame.size_bytes, message.size_bytes),
                 raw_bytes=message.size_bytes,
                 features=getattr(content, "features", {}),

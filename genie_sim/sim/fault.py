@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from genie_sim.base.errors import unknown
-from genie_sim.base.settings import Bounds
+from genie_sim.base.marks import Bounds
 from genie_sim.sim.settings import ALL
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from genie_sim.base import seeds
-from genie_sim.base.contracts import class_of, require
+from genie_sim.base.contracts import class_name, require
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.sim.bends import Bend, Border, Sense
@@ -175,7 +175,7 @@ class Network:
         if ends.name in self.links:
             raise UserError(f"link {ends.name}: there is one already")
         sender = model.sender(self, ends)
-        what = f"link model {class_of(model)!r}: sender()"
+        what = f"link model {class_name(model)!r}: sender()"
         require(isinstance(sender, Sender), what, sender, "a Sender")
         link = Link(
             self.clock,

@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from genie_sim.base import units
-from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import (
+from genie_sim.base.marks import (
     Bounds,
     Count,
     Name,
     NotEmpty,
     OneOf,
-    SettingError,
     Short,
-    check_unique,
 )
+from genie_sim.base.plugins import Choice
+from genie_sim.base.setting_errors import SettingError, check_unique
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim.link_model import LINK, usual_link

@@ -18,9 +18,11 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.marks import Bounds, Key, Name, NotEmpty
 from genie_sim.base.paths import atomic_write, read_text
 from genie_sim.base.seeds import stream
-from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError, plain_data
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import plain_data
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 from genie_sim.version import VERSION

@@ -29,7 +29,7 @@ from genie_sim.base.paths import (
     uninterrupted,
     usable,
 )
-from genie_sim.base.plugins import own_faults_told
+from genie_sim.base.plugins import is_own_code_allowed, own_code_allowed, own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
@@ -127,7 +127,8 @@ class Workers:
         self, runs: Sequence[PointRun], study: Path
     ) -> Generator[tuple[str, str], None, None]:
         """The id of each run as it is done, and why it failed, or nothing."""
-        work = functools.partial(_work, study=study.absolute())
+        own_code = is_own_code_allowed()
+        work = functools.partial(_work, study=study.absolute(), own_code=own_code)
         if self.scheduler is None:
             return in_processes(work, runs, self.jobs, ordered=False)
         return self._on_dask(work, runs)
@@ -161,11 +162,13 @@ class Workers:
                 raise UserError(f"{where}: the connection to it was lost") from error
 
 
-def _work(run: PointRun, study: Path) -> tuple[str, str]:
-    """What a worker does. What a run raises does not keep the others from being done."""
+def _work(run: PointRun, study: Path, own_code: bool) -> tuple[str, str]:
+    """What a worker does, with ``own_code`` or without. What a run raises does not keep the others
+    from being done.
+    """
     parts = Parts(study)
     try:
-        with own_faults_told():
+        with own_code_allowed(own_code), own_faults_told():
             parts.write(run.run_id, run.measure(study))
     except (Exception, SystemExit) as error:
         parts.write_failure(run, traceback.format_exc())

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from genie_sim.base import units
-from genie_sim.base.settings import SettingError, Share
+from genie_sim.base.marks import Share
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.core.messages import Detection, Detections, Header, Image, Look
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import ExistenceFilter

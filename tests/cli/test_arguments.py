@@ -76,7 +76,7 @@ def test_a_shard_is_one_of_so_many():
     assert arguments.shard("1/1") == (1, 1)
     assert arguments.shard("8/8") == (8, 8)
     for text in ("0/8", "9/8", "2", "2/", "/8", "a/b"):
-        with pytest.raises(click.BadParameter, match="must be I/N with I from 1 to N"):
+        with pytest.raises(UserError, match=r"^--shard: "):
             arguments.shard(text)
 
 
@@ -84,7 +84,7 @@ def command(*options: Any) -> click.Command:
     """A command with these options, which returns what it is given."""
 
     def body(**given: Any) -> dict[str, Any]:
-        return {**given, "own_code": plugins._own_code_allowed}
+        return {**given, "own_code": plugins.is_own_code_allowed()}
 
     for option in options:
         body = option(body)
@@ -114,17 +114,18 @@ def test_options_of_several_commands():
         arguments.scheduler_option,
         arguments.own_code_option,
     )
-    assert given(asked) == {
+    with plugins.own_code_allowed(allowed=False):
+        usual = given(asked)
+        chosen = given(asked, "--allow-own-code", "--jobs=1")
+    assert usual == {
         "seeds": None,
         "label": "",
         "jobs": None,
         "scheduler": None,
         "own_code": False,
     }
-    chosen = given(asked, "--allow-own-code", "--jobs=1")
     assert chosen["own_code"]
     assert chosen["jobs"] == 1
-    assert plugins._own_code_allowed, "it ends with the command"
     with pytest.raises(click.BadParameter):
         given(asked, "--jobs=0")
 

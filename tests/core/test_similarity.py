@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from genie_sim.base.settings import SettingError
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.core.similarity import SIMILARITIES, DHash, Exact, PoseGrid
 from tests.core.conformance import SimilarityConformance
 from tests.make import frame

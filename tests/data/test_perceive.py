@@ -15,14 +15,16 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.detector import DetectorSettings, look
+from genie_sim.data.detectors.detector_laws import looked_at
 from genie_sim.data.detectors.placement import HALF_DEPTH_M
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.kitti import pipeline
 from genie_sim.data.kitti.drive import read_image
 from genie_sim.data.kitti.perceive import FrameSelection, perceive
 from genie_sim.data.kitti.trace_check import differences, perceive_again
-from genie_sim.data.sources import encoded_beside
+from genie_sim.data.sources import Recorded, encoded_beside
 from genie_sim.data.trace import read_trace, write_trace
+from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 from tests.kitti_folder import (
     DATE,
     HEIGHT,
@@ -108,6 +110,33 @@ def test_a_drive_becomes_a_trace(street):
     (car,) = frame.detections
     assert (car.label, car.placed_by, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
+
+
+def test_drives_of_one_number_and_other_dates_have_other_names(tmp_path):
+    make_street(tmp_path, date="2011_10_03")
+    weights = make_network(tmp_path / "yolox_nano.onnx")
+    frames = FrameSelection("2011_10_03/0005", ["02"])
+    assert perceived(tmp_path, weights, frames).name == "kitti_2011_10_03_0005"
+
+
+def test_two_traces_of_one_name_are_told_apart(trace, tmp_path):
+    other = replace(trace, frames={"02": trace.frames["02"]}, provenance={"detector": "other"})
+    for path, recording in (("a/x.parquet", trace), ("b/x.parquet", other)):
+        (tmp_path / path).parent.mkdir()
+        write_trace(tmp_path / path, recording)
+        rows = (TruthRow("02", 0, 0, 7, "car", False, True, 10.0, 2.0, 0.5),)
+        about = {"trace": trace.name, "labels": path}
+        truth = TruthTable(recording.digest, recording.origin, rows, about)
+        write_truth(path_beside(tmp_path / path), truth)
+    drives = Recorded(str(tmp_path / "a" / "x.parquet")).open(1, None)
+    routes = {"one": None, "two": str(tmp_path / "b" / "x.parquet"), "three": None}
+    names = [drives.drive(car, route, 0).name for car, route in routes.items()]
+    told = f"kitti_0005 ({other.digest[:8]})"
+    assert names == ["kitti_0005", told, "kitti_0005"]
+    about = drives.provenance()
+    assert about["kitti_0005"] == trace.provenance and about[told] == other.provenance
+    assert {about[f"truth of {name}"]["labels"] for name in names} == {"a/x.parquet", "b/x.parquet"}
+    assert looked_at(about) == ({"yolox_nano", "other"}, {"2011_09_26/0005"})
 
 
 def test_a_picture_of_too_many_pixels_is_refused(tmp_path):

@@ -16,19 +16,17 @@ from tests.checkout import copied
 from tests.docs.blocks import abbreviated
 from tests.run_page import Reader, accepted, blocks
 from tests.test_imports import MAY_IMPORT
-from tools.reference.pages import site_texts
+from tools.reference.pages import texts
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOCS = REPOSITORY / "docs"
 PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
 # they need the whole evaluation, KITTI
 WITH_TESTS_OF_THEIR_OWN = {"paper.md", "perception.md"}
-GENERATED = "<!-- Made by python -m tools.reference. -->"  # test_reference.py
 FOLLOWED = [
     name
     for name, path in PAGES.items()
     if name not in WITH_TESTS_OF_THEIR_OWN
-    and not path.read_text(encoding="utf-8").startswith(GENERATED)
     and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
 LONGEST_PAGE_S = 600
@@ -87,7 +85,7 @@ def test_every_name_of_the_registries_is_explained():
     from genie_sim.cli import catalogue
 
     text = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
-    text += "".join(site_texts().values())
+    text += "".join(texts().values())
     for kind in ("similarities", "evictions", "rules", "links"):
         for name, _ in catalogue.KINDS[kind]():
             assert f"`{name}`" in text, f"{kind}: {name} is in no page"
@@ -173,7 +171,7 @@ def _anchors(page: Path) -> set[str]:
 
 def test_every_page_is_in_the_navigation():
     navigation = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
-    pages = {*PAGES, *site_texts()}  # some are made with the site
+    pages = {*PAGES, *texts()}  # some are made with the site
     assert sorted(re.findall(r": ([\w/-]+\.md)$", navigation, re.MULTILINE)) == sorted(pages)
 
 

@@ -78,10 +78,10 @@ def test_the_committed_results_are_small():
     assert sum(path.stat().st_size for path in paths) < 1_000_000
 
 
-@pytest.mark.parametrize("document", paper_pages.DOCUMENTS)
-def test_the_documents_show_the_committed_verdicts(document):
-    text = (REPOSITORY / document).read_text(encoding="utf-8")
-    assert paper_pages.with_parts(text, document) == text, "python -m studies.paper_pages"
+def test_the_readme_shows_the_committed_verdicts():
+    assert paper_pages.readme() == paper_pages.README.read_text(encoding="utf-8"), (
+        "python -m studies.paper_pages"
+    )
 
 
 def test_the_set_ups_are_the_declared_ones():

@@ -22,10 +22,13 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.cli import catalogue
-from genie_sim.cli.main import main
+from genie_sim.cli.main import app, main
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import METHODS
+from genie_sim.study.design import design_of
+from genie_sim.study.study import Study
+from genie_sim.study.work import Workers
 from tests.checkout import REPOSITORY, CommandLine, sign
 from tests.kitti_folder import make_drive
 
@@ -55,18 +58,10 @@ class Nothing(Local):
 """
 
 
-def test_what_one_command_forbids_is_no_affair_of_the_next(
-    monkeypatch: pytest.MonkeyPatch, mine: Path
-):
-    """Even where Python keeps the first one's context, with a traceback for instance."""
-    monkeypatch.syspath_prepend(mine.parent)
-    kept: list[Any] = []
-    monkeypatch.setattr(
-        click.Context, "with_resource", lambda _, one: (kept.append(one), one.__enter__())[1]
-    )
-    assert main(["rerun", "nothing"]) == 1
-    assert len(kept) == 1
-    assert plugins.resolve("method", "mod:Nothing", METHODS).title == "as local"
+def test_what_one_command_allows_is_no_affair_of_the_next():
+    with plugins.own_code_allowed(allowed=False):
+        assert main(["rerun", "nothing", "--allow-own-code"]) == 1
+        assert not plugins.is_own_code_allowed()
 
 
 @pytest.fixture
@@ -414,6 +409,26 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     sys.modules.pop("mod")
     assert main(["rerun", folder]) == 1, "allowed for one command only"
     assert plugins.resolve("method", "mod:Nothing", {}), "and refused for one only"
+
+
+def test_a_command_that_says_nothing_of_it_imports_no_own_code(
+    from_elsewhere: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    peek = click.Command("peek", callback=lambda: gs.load(from_elsewhere).scenario.new_methods())
+    monkeypatch.setitem(app.commands, "peek", peek)
+    assert main(["peek"]) == 1
+    assert "pass --allow-own-code" in capsys.readouterr().err
+    assert not Path("sprung").exists()
+
+
+@pytest.mark.process
+def test_workers_import_own_code_only_where_it_is_allowed(mine: Path, tmp_path: Path):
+    scenario = load_scenario(mine, methods=["mine"])
+    runs = [*Study.of(design_of(scenario, 2), "mine", tmp_path, base=scenario).plan.runs.values()]
+    with plugins.own_code_allowed(allowed=False):
+        refused = dict(Workers(2).results(runs, tmp_path))
+    assert all("pass --allow-own-code" in error for error in refused.values())
+    assert dict(Workers(2).results(runs, tmp_path)) == dict.fromkeys(refused, "")
 
 
 @pytest.mark.process

@@ -9,13 +9,12 @@ from typing import Annotated, Any, Literal
 import pytest
 from jsonschema import Draft202012Validator
 
+from genie_sim.base.marks import Bounds, Name
 from genie_sim.base.plugins import Choice
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import (
-    Bounds,
     Kind,
-    Name,
     Setting,
-    SettingError,
     from_plain,
     is_settings_class,
     plain_data,

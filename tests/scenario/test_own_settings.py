@@ -9,7 +9,9 @@ from typing import Annotated
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import NotEmpty, SettingError, from_plain, plain_data
+from genie_sim.base.marks import NotEmpty
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import from_plain, plain_data
 from genie_sim.scenario.checks import check_own_plugins
 from genie_sim.scenario.methods import METHOD
 from genie_sim.scenario.reading import load_scenario
@@ -21,7 +23,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from genie_sim.methods.local import Local
-from genie_sim.base.settings import Bounds
+from genie_sim.base.marks import Bounds
 
 
 class Mine(Local):

@@ -15,7 +15,7 @@ import yaml
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
-from genie_sim.base.settings import SettingError
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.runs import build
 from genie_sim.scenario.power import Watts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile

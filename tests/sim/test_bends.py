@@ -16,7 +16,7 @@ from genie_sim.core.messages import CameraPose, Detection, Detections, Header, I
 from genie_sim.faults.camera import CameraFault
 from genie_sim.faults.gnss import PositionError
 from genie_sim.sim.bends import Bend, Border, shifted
-from genie_sim.sim.encoding import EncodedContent
+from genie_sim.sim.content import EncodedContent
 from genie_sim.tracks.track import Motion
 from tests.conformance import small
 

@@ -24,10 +24,11 @@ from genie_sim.extend import (
     Detection,
     Geodetic,
     ImportReport,
+    Picture,
     Placement,
     Trace,
     UserError,
-    detection,
+    new_detection,
     picture_frame,
     placed,
     read_bytes,
@@ -101,9 +102,7 @@ def tracking_trace(
                 camera=CAMERA,
                 index=index,
                 stamp_ns=index * FRAME_NS,
-                size=drive.size,
-                digest=digest,
-                dhash=int(digest[:16], 16),
+                picture=Picture(drive.size, digest, int(digest[:16], 16)),
                 world_SE3_camera=drive.world_SE3_camera2(index),
                 intrinsics=drive.intrinsics,
                 detections=likely,
@@ -121,14 +120,14 @@ def tracking_trace(
         },
     }
     name = f"tracking_{sequence}_{detections}"
-    of_drive = traces(
+    imported = traces(
         {name: frames},
         origin=drive.origin,
         provenance=provenance,
         report=report or ImportReport(root),
         numbered=True,
     )
-    return of_drive[name]
+    return imported[name].trace
 
 
 def _published(
@@ -155,7 +154,7 @@ def _published(
             yield index, placed(on_ground, no_scan, drive.world_SE3_camera2(index))
         else:
             place = transform(drive.world_SE3_camera0[index], centre)
-            yield index, detection(label, score, box, place, placed_by="scan")
+            yield index, new_detection(label, score, box, place, placed_by="scan")
 
 
 def _pointrcnn(row: list[float], label: str) -> tuple[float, Box, Location | None]:

@@ -11,7 +11,6 @@ Only fitted numbers are written, with their provenance; KITTI's labels stay wher
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import math
 import sys
@@ -57,7 +56,6 @@ def main() -> None:
         **{name: trace.provenance[name] for name in kept},
         "licence": "CC BY-NC-SA 3.0, as a work derived from KITTI",
     }
-    laws["digest"] = hashlib.sha256(json.dumps(laws, sort_keys=True).encode()).hexdigest()
     arguments.out.write_text(json.dumps(laws, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     for kind in ("groups", "ghosts"):
         for name, group in laws[kind].items():

@@ -71,5 +71,5 @@ def looked_at(origin: Mapping[str, Mapping[str, Any]]) -> tuple[set[str], set[st
     traces = [about for about in origin.values() if "detector" in about]
     return (
         {str(about["detector"]) for about in traces},
-        {str(about.get("drive")) for about in traces},
+        {str(about["drive"]) for about in traces if "drive" in about},
     )

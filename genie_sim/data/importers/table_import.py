@@ -22,19 +22,29 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import sha256_of
-from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn, FileTable
+from genie_sim.base.tables import (
+    EAST,
+    NORTH,
+    TIME,
+    DataFrameTable,
+    FileColumn,
+    FileTable,
+    ForeignTable,
+)
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
 from genie_sim.data.importers.trace_import import (
     BEYOND_M,
-    detection,
+    CLOSEST_NS,
+    ImportedCar,
+    new_detection,
+    rounded_pose,
     scan_frame,
     traces,
-    write_told,
 )
-from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, Trace
-from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, TraceFrame
+from genie_sim.data.truth import TruthObject
 from genie_sim.data.world_table import SOMEWHERE
 
 if TYPE_CHECKING:
@@ -43,7 +53,7 @@ if TYPE_CHECKING:
 Table: TypeAlias = Union[str, Path, "pandas.DataFrame"]
 SENSOR = "sensor"  # what the one sensor of every car is called
 ONLY_CAR = "car1"  # of tables without a column car
-SAME_TIME_S = 0.0005  # what differs by less is one instant
+SAME_TIME_S = CLOSEST_NS / NS_PER_S / 2  # what differs by less is one instant
 TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 MAX_UP_M = 1e5  # above the plane
 MOVING_OVER_S = 1.0  # the time over which a speed is computed
@@ -66,6 +76,7 @@ TRUTH = (
     FileColumn("visible", "flag", optional=True),
     _UP,
 )
+COLUMNS = {"poses": POSES, "detections": DETECTIONS, "truth": TRUTH}
 
 
 @dataclass(frozen=True)
@@ -86,7 +97,7 @@ class _Table(NamedTuple):
 
     path: Path
     digest: str
-    reader: FileTable
+    reader: ForeignTable
 
     @classmethod
     def of(cls, name: str, table: Table) -> "_Table":
@@ -97,13 +108,6 @@ class _Table(NamedTuple):
             return cls(path, sha256_of(path), reader)
         content = table.to_csv(index=False).encode()
         return cls(Path(name), hashlib.sha256(content).hexdigest(), DataFrameTable(table, name))
-
-
-class ImportedCar(NamedTuple):
-    """The trace of one car, and its truth table if there is one."""
-
-    trace: Trace
-    truth: TruthTable | None
 
 
 class _Pose(NamedTuple):
@@ -186,18 +190,18 @@ def cars_of_tables(
 
     Raises UserError, naming table, row and column, and for what cannot be.
     """
-    named = {"poses": poses, "detections": detections} | ({} if truth is None else {"truth": truth})
-    tables = [_Table.of(name, table) for name, table in named.items()]
-    report = report or ImportReport(tables[0].path)
-    for given, columns in zip(tables, (POSES, DETECTIONS, TRUTH), strict=False):
-        for title in given.reader.unused(columns):
-            report.leave_out(f"column {title!r} of {given.path.name}")
-    by_car = _read_poses(tables[0], report)
-    detected = _read_detections(tables[1], by_car, classes=classes, report=report)
-    digests = {table.path.name: table.digest for table in tables}
+    content = {"poses": poses, "detections": detections, "truth": truth}
+    tables = {name: _Table.of(name, of) for name, of in content.items() if of is not None}
+    report = report or ImportReport(tables["poses"].path)
+    for name, table in tables.items():
+        for title in table.reader.unused(COLUMNS[name]):
+            report.leave_out(f"column {title!r} of {table.path.name}")
+    by_car = _read_poses(tables["poses"], report)
+    detected = _read_detections(tables["detections"], by_car, classes=classes, report=report)
+    digests = {table.path.name: table.digest for table in tables.values()}
     if len(digests) < len(tables):
-        raise UserError(f"{tables[-1].path}: has the name of another of the tables; rename it")
-    tracks = {} if truth is None else _read_truth(tables[2], by_car, classes, report)
+        *_, last = tables.values()
+        raise UserError(f"{last.path}: has the name of another of the tables; rename it")
     key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
     first_s = min(rows[0].time_s for rows in by_car.values())
     first_ns = round(first_s * NS_PER_S)
@@ -216,7 +220,15 @@ def cars_of_tables(
         ]
         for car, rows in by_car.items()
     }
-    of_cars = traces(
+    there = {}
+    if "truth" in tables:
+        tracks = _read_truth(tables["truth"], by_car, classes, report)
+        for car, rows in by_car.items():
+            times_s = np.array([row.time_s for row in rows])
+            of_car = tracks.get(None, tracks.get(car, []))
+            _check_covered(tables["truth"].path, car, times_s, of_car)
+            there[car] = _in_view(frames[car], times_s, of_car, sensor.range_m)
+    return traces(
         frames,
         origin=origin,
         provenance={
@@ -225,47 +237,13 @@ def cars_of_tables(
             "parameters": asdict(sensor),
         },
         report=report,
+        truth=there,
         first_ns=first_ns,
-        sequence=f"{tables[0].path.stem}-{key[:12]}" if len(by_car) > 1 else None,
+        sequence=f"{tables['poses'].path.stem}-{key[:12]}" if len(by_car) > 1 else None,
         range_m=sensor.range_m,
-        detected_in=tables[1].path,
+        detected_in=tables["detections"].path,
+        truth_in=tables["truth"].path if "truth" in tables else None,
     )
-    if truth is None:
-        return {car: ImportedCar(trace, None) for car, trace in of_cars.items()}
-    imported = {}
-    for car, trace in of_cars.items():
-        objects = tracks.get(None, tracks.get(car, []))
-        table = _truth_table(tables[2].path, trace, by_car[car], objects, sensor=sensor)
-        imported[car] = ImportedCar(trace, table)
-    if not any(car.truth.rows for car in imported.values() if car.truth):
-        report.refuse(
-            f"no object is ever within {sensor.range_m + BEYOND_M:g} m of a car: are the places on "
-            "the plane of the poses?",
-            tables[2].path,
-        )
-    return imported
-
-
-def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
-    """Writes ``CAR.parquet`` of every car into a folder, with ``CAR.truth.parquet`` beside it if
-    there is a truth table, and returns a line about each car.
-
-    Raises UserError, before it writes, where a truth table of another import is in the way.
-    """
-    paths = {car: Path(out) / f"{car}.parquet" for car in cars}
-    for car, path in paths.items():
-        beside = path_beside(path)
-        if cars[car].truth is None and beside.exists():
-            raise UserError(f"{beside}: is of another import; take it away, or give --truth")
-    lines = []
-    for car, (trace, truth) in cars.items():
-        line = write_told(paths[car], trace)
-        if truth is not None:
-            write_truth(path_beside(paths[car]), truth)
-            visible = sum(row.visible for row in truth.rows)
-            line += f", objects visible {visible:,} times"
-        lines.append(line)
-    return lines
 
 
 def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) -> str:
@@ -281,6 +259,15 @@ def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) ->
     return car
 
 
+def _check_apart(where: str, time_s: float, before_s: float, what: str) -> None:
+    """Raises UserError for a row in the millisecond of the one before."""
+    if time_s - before_s <= 2 * SAME_TIME_S:
+        raise UserError(
+            f"{where}: time_s: {time_s:.15g} must be at least a millisecond after "
+            f"{before_s:.15g}, the time of {what} before"
+        )
+
+
 def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[_Pose]]:
     """The poses of each car, in order of time."""
     rows_of: dict[str, list[tuple[str, _Pose]]] = {}
@@ -294,11 +281,7 @@ def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[_Pose]]:
     for car, rows in rows_of.items():
         rows = report.in_order(car, rows, key=lambda row: row[1].time_s)
         for (_, before), (where, after) in pairwise(rows):
-            if after.time_s - before.time_s <= 2 * SAME_TIME_S:
-                raise UserError(
-                    f"{where}: time_s: {after.time_s:.15g} must be at least a millisecond after "
-                    f"{before.time_s:.15g}, the time of {car}'s pose before"
-                )
+            _check_apart(where, after.time_s, before.time_s, f"{car}'s pose")
         by_car[car] = [pose for _, pose in rows]
     return by_car
 
@@ -329,7 +312,7 @@ def _read_detections(
             report.leave_label(label)
             continue
         place = np.array([east_m, north_m, up_m or 0.0])
-        detected[car][index].append(detection(label, score, None, place, placed_by="table"))
+        detected[car][index].append(new_detection(label, score, None, place, placed_by="table"))
     for frames in detected.values():
         for of_frame in frames:
             of_frame.sort(key=lambda detection: -detection.score)
@@ -383,11 +366,8 @@ def _read_truth(
                 f"{where}: label: object {short_repr(item)} was a {track.label}, not a "
                 f"{CANONICAL[label]}"
             )
-        if track.times_s and time_s - track.times_s[-1] <= 2 * SAME_TIME_S:
-            raise UserError(
-                f"{where}: time_s: {time_s:.15g} must be at least a millisecond after "
-                f"{track.times_s[-1]:.15g}, the time of object {short_repr(item)} before"
-            )
+        if track.times_s:
+            _check_apart(where, time_s, track.times_s[-1], f"object {short_repr(item)}")
         track.times_s.append(time_s)
         track.places.append((*place, up_m or 0.0))
         track.moving.append(moving)
@@ -398,51 +378,38 @@ def _read_truth(
     return {car: list(of_car.values()) for car, of_car in tracks.items()}
 
 
-def _truth_table(
-    path: Path,
-    trace: Trace,
-    poses: Sequence[_Pose],
-    tracks: Sequence[_ObjectRows],
-    *,
-    sensor: Sensor,
-) -> TruthTable:
-    """What is there at each frame of a car. Raises UserError for a frame of whose time the table
-    tells nothing.
+def _in_view(
+    frames: Sequence[TraceFrame], times_s: Array, tracks: Sequence[_ObjectRows], range_m: float
+) -> list[list[TruthObject]]:
+    """What is there at each frame of a car, taken at ``times_s`` (n,), up to a little beyond
+    ``range_m``.
     """
-    times_s = np.array([row.time_s for row in poses])
-    _check_covered(path, trace.name, times_s, tracks)
-    frames = trace.frames[SENSOR]
-    sectors = [ViewSector(frame.pose, sensor.fov_rad, sensor.range_m) for frame in frames]
-    origins = np.array([frame.pose[:2] for frame in frames])
-    rows = []
+    poses = [rounded_pose(frame).pose for frame in frames]
+    sectors = [
+        ViewSector(pose, frame.horizontal_fov_rad, range_m)
+        for pose, frame in zip(poses, frames, strict=True)
+    ]
+    origins = np.array([pose[:2] for pose in poses])
+    there: list[list[TruthObject]] = [[] for _ in frames]
     for track in tracks:
         sightings, moving = track.at(times_s), track.is_moving(times_s)
-        range_m = np.hypot(*(sightings.place[:, :2] - origins).T)
-        near = sightings.there & (range_m <= sensor.range_m + BEYOND_M)
+        away_m = np.hypot(*(sightings.place[:, :2] - origins).T)
+        near = sightings.there & (away_m <= range_m + BEYOND_M)
         for index in np.flatnonzero(near).tolist():
-            east_m, north_m, up_m = (
-                round(x, POSITION_DECIMALS) for x in sightings.place[index].tolist()
-            )
+            place = sightings.place[index].round(POSITION_DECIMALS).tolist()
             row = sightings.row[index]
-            in_view = sectors[index].distance_m(east_m, north_m) is not None
+            in_view = sectors[index].distance_m(*place[:2]) is not None
             says_moving, says_visible = track.moving[row], track.visible[row]
-            rows.append(
-                TruthRow(
-                    camera=SENSOR,
-                    frame=frames[index].index,
-                    stamp_ns=frames[index].stamp_ns,
-                    object=track.number,
-                    label=track.label,
-                    moving=bool(moving[index]) if says_moving is None else says_moving,
-                    visible=in_view and says_visible is not False,
-                    east_m=east_m,
-                    north_m=north_m,
-                    up_m=up_m,
+            there[index].append(
+                TruthObject(
+                    track.number,
+                    track.label,
+                    bool(moving[index]) if says_moving is None else says_moving,
+                    in_view and says_visible is not False,
+                    *place,
                 )
             )
-    rows.sort(key=lambda row: (row.frame, row.object))
-    provenance = {**trace.provenance, "trace": trace.name}
-    return TruthTable(trace.digest, trace.origin, tuple(rows), provenance, range_m=sensor.range_m)
+    return there
 
 
 def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_ObjectRows]) -> None:

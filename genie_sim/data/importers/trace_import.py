@@ -2,9 +2,9 @@
 detections.
 
 A reader finds when and from where each frame was taken, and what was detected in it
-(``picture_frame``, ``scan_frame``, ``detection``). ``traces`` alone orders, numbers and checks the
-frames, tells what was read, and keeps where it comes from: what is refused or warned of in one kind
-of file is so in all.
+(``picture_frame``, ``scan_frame``, ``new_detection``) and, if that is known, what was there
+(``TruthObject``). ``traces`` alone orders, numbers and checks the frames, tells what was read, and
+keeps where it comes from: what is refused or warned of in one kind of file is so in all.
 """
 
 import hashlib
@@ -13,12 +13,12 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.classes import ROAD_LABELS
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.classes import CANONICAL, ROAD_LABELS, class_of
+from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -37,10 +37,13 @@ from genie_sim.data.trace import (
     feature_facts,
     write_trace,
 )
+from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.world_table import in_range
 
 if TYPE_CHECKING:
     from genie_sim.data.detectors.onnx_detector import DetectedBox
     from genie_sim.data.detectors.placement import Placement
+    from genie_sim.data.encoding import Picture
 
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
 NEAREST_M = 0.5  # what is nearer is the car itself
@@ -51,7 +54,7 @@ USUAL_MB = (0.001, 100.0)  # one frame
 OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
 
 
-def detection(
+def new_detection(
     label: str, score: float, box: Box | None, location: Array | None, *, placed_by: str
 ) -> Detection:
     """A detection as a trace keeps it.
@@ -86,37 +89,34 @@ def placed(box: "DetectedBox", placement: "Placement | None", world_SE3_camera: 
     label, score, corners = box
     point, placed_by = (None, "none") if placement is None else placement.place(label, corners)
     location = None if point is None else transform(world_SE3_camera, point)
-    return detection(label, score, corners, location, placed_by=placed_by)
+    return new_detection(label, score, corners, location, placed_by=placed_by)
 
 
 def picture_frame(
     *,
     camera: str,
     stamp_ns: int,
-    size: tuple[int, int],
-    digest: str,
-    dhash: int,
+    picture: "Picture",
     world_SE3_camera: Array,
     intrinsics: Array,
     index: int = 0,
     detections: Iterable[Detection] = (),
-    features: Mapping[str, bytes] | None = None,
-    size_bytes: int | None = None,
+    features: Mapping[str, bytes] = {},
 ) -> TraceFrame:
     """A frame of a camera, for ``traces``.
 
     Parameters
     ----------
     stamp_ns : on the reader's own clock
-    size : width and height [pixels]
+    picture : what ``picture_of`` gives
     world_SE3_camera : where the camera is, (4, 4)
     intrinsics : of the camera, (3, 3)
-    size_bytes : of the picture without its header; ``None``: of the raw pixels
-    camera, index, digest, dhash, detections, features : as in ``TraceFrame``
+    features : those of the detector's network
+    camera, index, detections : as in ``TraceFrame``
     """
-    width, height = size
+    width, height = picture.size
     east_m, north_m, up_m = world_SE3_camera[:3, 3].tolist()
-    picture_bytes = width * height * 3 if size_bytes is None else size_bytes
+    picture_bytes = width * height * 3 if picture.size_bytes is None else picture.size_bytes
     return TraceFrame(
         camera=camera,
         index=index,
@@ -124,12 +124,12 @@ def picture_frame(
         width=width,
         height=height,
         size_bytes=picture_bytes + IMAGE_HEADER_BYTES,
-        digest=digest,
-        dhash=dhash,
+        digest=picture.digest,
+        dhash=picture.dhash,
         pose=CameraPose(east_m, north_m, up_m, heading_of(world_SE3_camera[:3, 2])),
         horizontal_fov_rad=horizontal_fov_rad(intrinsics, width),
         detections=tuple(detections),
-        features=features or {},
+        features={**picture.features, **features},
     )
 
 
@@ -169,18 +169,34 @@ def scan_frame(
     )
 
 
+class _View(NamedTuple):
+    """A frame, and what was there in view of it."""
+
+    frame: TraceFrame
+    there: Sequence[TruthObject]
+
+
+class ImportedCar(NamedTuple):
+    """The trace of one car, and its truth table if there is one."""
+
+    trace: Trace
+    truth: TruthTable | None
+
+
 def traces(
     frames: Mapping[str, Sequence[TraceFrame]],
     *,
     origin: Geodetic,
     provenance: Mapping[str, Any],
     report: ImportReport,
+    truth: Mapping[str, Sequence[Sequence[TruthObject]]] = {},
     first_ns: int | None = None,
     numbered: bool = False,
     sequence: str | None = None,
     range_m: float = RANGE_M,
     detected_in: Path | None = None,
-) -> dict[str, Trace]:
+    truth_in: Path | None = None,
+) -> dict[str, ImportedCar]:
     """The traces of cars that share a clock, by their names.
 
     Parameters
@@ -189,11 +205,14 @@ def traces(
     origin : of the world: latitude [deg], longitude [deg], altitude [m]
     provenance : where they come from; what the report knows is added
     report : of the files that were read, whose path begins errors; is told what there is
+    truth : of the cars of which it is known what was there: the objects in view of each frame, in
+        the order of ``frames``
     first_ns : when the traces begin on that clock; ``None``: with the first frame of any car
     numbered : whether frames have numbers; otherwise they are counted, camera by camera
     sequence : as in ``Trace``
     range_m : up to which objects are judged
-    detected_in : the file that the detections stand in, if that is another than the report's
+    detected_in, truth_in : the files that detections and truth stand in, if they are others than
+        the report's
 
     Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
@@ -201,24 +220,58 @@ def traces(
         first_ns = min(
             (frame.stamp_ns for of_car in frames.values() for frame in of_car), default=0
         )
-    by_car = {}
+    by_car, objects = {}, {}
     for car, of_car in frames.items():
-        cameras = _in_order(of_car, first_ns, numbered, report)
-        by_car[car] = checked(
-            report.path, [frame for camera in cameras.values() for frame in camera]
-        )
-        _tell_ways(car, by_car[car], first_ns, report)
-    _tell_detections(by_car, report, range_m, detected_in)
+        of_frames = truth.get(car) or [()] * len(of_car)
+        if len(of_frames) != len(of_car):
+            counts = f"{len(of_frames):,} frames, but there are {len(of_car):,}"
+            raise UserError(f"{report.path}: truth: has the objects of {car} in {counts}")
+        views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
+        ordered = _in_order(views, first_ns, numbered, report)
+        by_car[car] = checked(report.path, [view.frame for view in ordered])
+        objects[car] = [_truth_row(view.frame, there) for view in ordered for there in view.there]
+        _check_ways(car, by_car[car], first_ns, report)
+    _check_detections(by_car, report, range_m, detected_in)
+    if truth:
+        _check_truth(by_car, objects, report, range_m, truth_in)
     import_facts = {"import": report.facts()}
-    by_name = {}
+    imported = {}
     for car, by_camera in by_car.items():
         features = feature_facts(by_camera)
         about = {**provenance, **({"features": features} if features else {}), **import_facts}
         if len(by_car) > 1:
             about["car"] = car
-        rounded = {camera: tuple(map(_rounded_pose, of)) for camera, of in by_camera.items()}
-        by_name[car] = Trace(car, origin, rounded, about, sequence=sequence)
-    return by_name
+        rounded = {camera: tuple(map(rounded_pose, of)) for camera, of in by_camera.items()}
+        trace = Trace(car, origin, rounded, about, sequence=sequence)
+        table = None
+        if car in truth:
+            rows = tuple(sorted(objects[car], key=lambda row: (row.camera, row.frame, row.object)))
+            of_trace = {**about, "trace": car}
+            table = TruthTable(trace.digest, origin, rows, of_trace, range_m=range_m)
+        imported[car] = ImportedCar(trace, table)
+    return imported
+
+
+def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
+    """Writes ``CAR.parquet`` of every car into a folder, with ``CAR.truth.parquet`` beside it if
+    there is a truth table, and returns a line about each car.
+
+    Raises UserError, before it writes, where a truth table of another import is in the way.
+    """
+    paths = {car: Path(out) / f"{car}.parquet" for car in cars}
+    for car, path in paths.items():
+        beside = path_beside(path)
+        if cars[car].truth is None and beside.exists():
+            raise UserError(f"{beside}: is of another import; take it away, or give --truth")
+    lines = []
+    for car, (trace, truth) in cars.items():
+        line = write_told(paths[car], trace)
+        if truth is not None:
+            write_truth(path_beside(paths[car]), truth)
+            visible = sum(row.visible for row in truth.rows)
+            line += f", objects visible {visible:,} times"
+        lines.append(line)
+    return lines
 
 
 def write_told(path: Path, trace: Trace) -> str:
@@ -236,7 +289,7 @@ def tell_network(report: ImportReport, detector: Any) -> None:
         report.leave_label(label, count)
 
 
-def tell_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
+def check_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
     """How far away objects are. Raises UserError where most are beyond what a sensor sees."""
     report.span("objects", distances_m, "m away")
     far = sum(distance_m > FARTHEST_M for distance_m in distances_m)
@@ -248,27 +301,30 @@ def tell_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
 
 
 def _in_order(
-    frames: Sequence[TraceFrame], first_ns: int, numbered: bool, report: ImportReport
-) -> dict[str, list[TraceFrame]]:
-    """The frames of each camera in order of time, with numbers, and stamps from ``first_ns`` on."""
-    by_camera: dict[str, list[TraceFrame]] = {}
-    for frame in frames:
-        by_camera.setdefault(frame.camera, []).append(frame)
-    ordered: dict[str, list[TraceFrame]] = {}
+    views: Sequence[_View], first_ns: int, numbered: bool, report: ImportReport
+) -> list[_View]:
+    """The frames, camera by camera in order of time, with numbers, and stamps from ``first_ns``
+    on.
+    """
+    by_camera: dict[str, list[_View]] = {}
+    for view in views:
+        by_camera.setdefault(view.frame.camera, []).append(view)
+    ordered = []
     for camera, of_camera in sorted(by_camera.items()):
-        spaced = ordered[camera] = []
-        for frame in report.in_order(camera, of_camera, key=lambda frame: frame.stamp_ns):
+        spaced: list[_View] = []
+        for frame, there in report.in_order(camera, of_camera, key=lambda view: view[0].stamp_ns):
             stamp_ns = frame.stamp_ns - first_ns
-            if not spaced or stamp_ns - spaced[-1].stamp_ns >= CLOSEST_NS:
+            if not spaced or stamp_ns - spaced[-1].frame.stamp_ns >= CLOSEST_NS:
                 index = frame.index if numbered else len(spaced)
-                spaced.append(replace(frame, index=index, stamp_ns=stamp_ns))
+                spaced.append(_View(replace(frame, index=index, stamp_ns=stamp_ns), there))
         report.dropped(
             f"frames of {camera}", len(spaced), len(of_camera), "within a millisecond of another"
         )
+        ordered += spaced
     return ordered
 
 
-def _tell_ways(
+def _check_ways(
     car: str, cameras: Mapping[str, Sequence[TraceFrame]], first_ns: int, report: ImportReport
 ) -> None:
     """When and where each camera was, and whether one of them looks where the car drives."""
@@ -301,7 +357,7 @@ def _tell_ways(
     )
 
 
-def _tell_detections(
+def _check_detections(
     cars: Mapping[str, Mapping[str, Sequence[TraceFrame]]],
     report: ImportReport,
     range_m: float,
@@ -349,7 +405,7 @@ def _tell_detections(
         if doubled > max(FEW, SAME_SHARE * len(distances_m)):
             report.refuse(f"{text} in the same frame: are their places unknown?", detected_in)
         report.warn(f"{text} in the same frame")
-    tell_distances(report, distances_m)
+    check_distances(report, distances_m)
     if outside > OUTSIDE_SHARE * len(distances_m):
         report.warn(
             f"{outside:,} of {len(distances_m):,} detections are outside of the field of view: "
@@ -359,7 +415,53 @@ def _tell_detections(
         report.warn(f"{count - len(distances_m):,} of {count:,} detections have no place")
 
 
-def _rounded_pose(frame: TraceFrame) -> TraceFrame:
+def _truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
+    """An object in view of a frame, with the class and the decimals that a truth table keeps."""
+    east_m, north_m, up_m = _rounded(there[-3:], POSITION_DECIMALS)
+    return TruthRow(
+        camera=frame.camera,
+        frame=frame.index,
+        stamp_ns=frame.stamp_ns,
+        object=there.object,
+        label=class_of(there.label),
+        moving=there.moving,
+        visible=there.visible,
+        east_m=east_m,
+        north_m=north_m,
+        up_m=up_m,
+    )
+
+
+def _check_truth(
+    cars: Mapping[str, Mapping[str, Sequence[TraceFrame]]],
+    rows: Mapping[str, Sequence[TruthRow]],
+    report: ImportReport,
+    range_m: float,
+    truth_in: Path | None,
+) -> None:
+    """Raises UserError for objects of no class, at no place, or none of them near a car."""
+    away_m = []
+    for car, of_car in rows.items():
+        frames = {(frame.camera, frame.index): frame for of in cars[car].values() for frame in of}
+        for row in of_car:
+            where = (
+                f"{truth_in or report.path}: object {row.object} at {row.stamp_ns / NS_PER_S:g} s"
+            )
+            if row.label not in CANONICAL:
+                raise UserError(f"{where}: label: {unknown('class', row.label, CANONICAL)}")
+            if not in_range(row.location):
+                raise UserError(f"{where}: {row.location} is at no place on Earth [m]")
+            pose = frames[row.camera, row.frame].pose
+            away_m.append(math.dist(row.location[:2], pose[:2]))
+    if min(away_m, default=math.inf) > range_m + BEYOND_M:
+        report.refuse(
+            f"no object is ever within {range_m + BEYOND_M:g} m of a car: are the places on "
+            "the plane of the poses?",
+            truth_in,
+        )
+
+
+def rounded_pose(frame: TraceFrame) -> TraceFrame:
     """The frame with the decimals of its pose and field of view that a trace keeps."""
     east_m, north_m, up_m = _rounded(frame.pose[:3], POSITION_DECIMALS)
     heading_rad = round(frame.pose.heading_rad, ANGLE_DECIMALS)

@@ -26,7 +26,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, sha256_of
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Box, Location
-from genie_sim.data.importers.trace_import import tell_distances
+from genie_sim.data.importers.trace_import import check_distances
 from genie_sim.data.kitti.drive import TRACKLETS, drive_folders, open_drive
 from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
 from genie_sim.data.kitti.tracking_sequence import (
@@ -368,7 +368,7 @@ def make_truth(
                 )
             )
     report.read("labels", len(rows))
-    tell_distances(report, distances_m)
+    check_distances(report, distances_m)
     if not rows:
         raise UserError(f"{root}: no object of {drive} is in view of the trace {trace.name}")
     provenance = {

@@ -29,6 +29,7 @@ from genie_sim.data.kitti.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame
 
 DEFAULT_DETECTOR = DetectorSettings()
+TRACE_PREFIXES = {"2011_09_26": "kitti", "odometry": "odometry"}  # else the date is in the name
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -100,9 +101,8 @@ def perceive(
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
     _tell_sizes(drive, pictures, report)
-    set_name, _, number = frames.drive.partition("/")
-    name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
-    of_drive = traces(
+    name = trace_name(frames.drive)
+    imported = traces(
         {name: pictures},
         origin=drive.origin,
         provenance=_provenance(drive, network, detector),
@@ -110,7 +110,15 @@ def perceive(
         first_ns=drive.first_stamp_ns,
         numbered=True,
     )
-    return of_drive[name]
+    return imported[name].trace
+
+
+def trace_name(drive: str) -> str:
+    """What the trace of a drive is called: ``kitti_0005`` on the day of most drives,
+    ``kitti_2011_09_28_0016`` on another, whose drives have numbers of their own, ``odometry_05``.
+    """
+    folder, _, number = drive.partition("/")
+    return f"{TRACE_PREFIXES.get(folder, f'kitti_{folder}')}_{number}"
 
 
 def _tell_sizes(drive: KittiDrive, frames: Iterable[TraceFrame], report: ImportReport) -> None:

@@ -1,6 +1,5 @@
 """The frames of a drive through a detector, on several threads."""
 
-import hashlib
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,14 +9,13 @@ from operator import attrgetter
 
 import cv2
 
-from genie_sim.base.features import packed
 from genie_sim.base.geometry import Array
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
 from genie_sim.data.detectors.detector import ImageDetector, look
 from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
-from genie_sim.data.encoding import difference_hash, hue_saturation, sent
+from genie_sim.data.encoding import picture_of
 from genie_sim.data.importers.trace_import import picture_frame, placed
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
 from genie_sim.data.trace import TraceFrame
@@ -63,26 +61,20 @@ def trace_frames(
     def perceived_in(frame: CameraFrame, scan: Array | None, ground: Plane) -> TraceFrame:
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
-        size = (image.shape[1], image.shape[0])
-        dhash, size_bytes = difference_hash(image), None
-        if encoding != "raw":
-            image, size_bytes = sent(image, encoding)
-        intrinsics = frame.intrinsics_of(size)
+        picture, image = picture_of(image, data, encoding)
+        intrinsics = frame.intrinsics_of(picture.size)
         camera_SE3_velo = drive.camera_SE3_velo(frame.camera)
-        placement = Placement(intrinsics, size, camera_SE3_velo, scan, ground=ground)
+        placement = Placement(intrinsics, picture.size, camera_SE3_velo, scan, ground=ground)
         boxes, features = look(image, detector)
         return picture_frame(
             camera=frame.camera,
             index=frame.index,
             stamp_ns=frame.stamp_ns,
-            size=size,
-            digest=hashlib.sha256(data).hexdigest(),
-            dhash=dhash,
+            picture=picture,
             world_SE3_camera=frame.world_SE3_camera,
             intrinsics=intrinsics,
             detections=[placed(box, placement, frame.world_SE3_camera) for box in boxes],
-            features={"hsv": packed(hue_saturation(image)), **features},
-            size_bytes=size_bytes,
+            features=features,
         )
 
     numbers = (tuple(of_number) for _, of_number in groupby(frames, attrgetter("index")))

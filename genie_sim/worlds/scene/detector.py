@@ -6,28 +6,36 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.geometry import Array
-from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.base.spans import Ints
+from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
-from genie_sim.worlds.scene import noise
+from genie_sim.worlds.scene import keys, noise
 from genie_sim.worlds.scene.laws import (
     MIDDLE,
     STEPS_PER_Z,
     VIEW_STEP_M,
     Copula,
     FittedLaws,
-    TransientLaw,
     quantile,
 )
-from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
-from genie_sim.worlds.scene.view import Bits, Ints, ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, Bits, ObjectColumns
+from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
-# What places a detection of a made-up detector; of traffic, too: kept runs have it so.
+# What is written as ``placed_by`` of the detections in towns and traffic: kept runs have it so.
 PLACED_BY = "town"
 
 
+def detection(label: str, score: float, location: Location) -> Detection:
+    """What a detector of a scene gives: it has no boxes, as there are no pictures."""
+    return Detection(
+        label, score, box=None, location=location, confidence=score, placed_by=PLACED_BY
+    )
+
+
 class DetectedObjects(NamedTuple):
-    """What the detector finds from some poses, pose by pose: its class, and its score and place [m]
-    (n, 4); ``begins`` is where each pose's rows begin, and where the last one's end.
+    """What the detector finds from some poses (poses,), pose by pose: of each object its label
+    (n,), and its score, east, north and up [m] (n, 4); ``begins`` (poses + 1,) is where each pose's
+    objects begin, and where the last one's end.
     """
 
     begins: list[int]
@@ -36,20 +44,15 @@ class DetectedObjects(NamedTuple):
 
     def of(self, pose: int) -> list[Detection]:
         """What it finds from one pose, in the order of the view."""
-        rows = slice(self.begins[pose], self.begins[pose + 1])
-        return [
-            Detection(
-                label, score, box=None, location=(x, y, z), confidence=score, placed_by=PLACED_BY
-            )
-            for label, (score, x, y, z) in zip(
-                self.label[rows].tolist(), self.placed[rows].tolist(), strict=True
-            )
-        ]
+        span = slice(self.begins[pose], self.begins[pose + 1])
+        columns = zip(self.label[span].tolist(), self.placed[span].tolist(), strict=True)
+        return [detection(label, score, (x, y, z)) for label, (score, x, y, z) in columns]
 
 
 class _LookColumns(NamedTuple):
-    """On what the random numbers depend of each object that is seen from a pose, as columns: the
-    group of its laws, its range in whole metres, the step of its view, and the key of the look.
+    """On what the random numbers depend of each look, an object that is in view from a pose (n,):
+    the group of its laws, its range in whole metres, the step of its view (``VIEW_STEP_M``; it
+    picks the smooth numbers), and the key of the look.
     """
 
     group: Ints
@@ -69,13 +72,12 @@ class SyntheticDetector:
         """
         self._objects, self._laws, self._on_grid = objects, laws, on_grid
         self._normals = np.array(noise.normals())
-        self._prone = np.array([group.prone for group in laws.groups])
 
     def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
         """What the detector finds of the objects in view from some poses."""
         objects, laws = self._objects, self._laws
         looks = self._looks(visible, poses)
-        score = self._drawn(laws.score, objects.score_z[visible.row], looks, noise.LOOK_SCORE)
+        score = self._drawn(laws.score, objects.score_z[visible.row], looks, keys.LOOK_SCORE)
         found = np.flatnonzero(score)
         pose, row = visible.pose[found], visible.row[found]
         range_m = visible.range_m[found]
@@ -84,17 +86,41 @@ class SyntheticDetector:
         along, across = (
             looks._replace(step=looks.step + apart) for apart in (noise.ALONG, noise.ACROSS)
         )
-        behind = self._drawn(laws.along, objects.along_z[row], along, noise.LOOK_ALONG) / range_m
-        left = self._drawn(laws.across, objects.across_z[row], across, noise.LOOK_ACROSS) / range_m
+        behind = self._drawn(laws.along, objects.along_z[row], along, keys.LOOK_ALONG) / range_m
+        left = self._drawn(laws.across, objects.across_z[row], across, keys.LOOK_ACROSS) / range_m
         east_m, north_m = visible.east_m[found], visible.north_m[found]
         dx, dy = east_m - poses.east_m[pose], north_m - poses.north_m[pose]
         placed = np.empty((len(found), 4))
         placed[:, 0], placed[:, 3] = score[found], objects.up_m[row]
-        # in whole millimetres, as a trace: all at once, halves upwards and not to even numbers
+        # In whole millimetres, as a trace, halves upwards: numpy would round them to even numbers.
         placed[:, 1] = np.floor((east_m + behind * dx - left * dy) * 1000.0 + 0.5) / 1000.0
         placed[:, 2] = np.floor((north_m + behind * dy + left * dx) * 1000.0 + 0.5) / 1000.0
         begins = np.searchsorted(pose, np.arange(len(poses.key) + 1)).tolist()
         return DetectedObjects(begins, self._labels(row, looks), placed)
+
+    def fleeting(self, key: int, pose: CameraPose, *, cos: float, sin: float) -> list[Detection]:
+        """False positives that are seen once, anywhere in view of a camera, in the frame of a key;
+        ``cos`` and ``sin`` are of the camera's heading.
+        """
+        draw = keys.FRAME_FLEETING.share(key)
+        detections = []
+        for law in self._laws.fleeting:
+            if 0.0 <= draw < law.per_frame:
+                own_key = keys.mix(key)
+                range_m = quantile(law.range_m, keys.FLEETING_RANGE.share(own_key))
+                angle_rad = (keys.FLEETING_ANGLE.share(own_key) - 0.5) * HORIZONTAL_FOV_RAD
+                score = quantile(law.scores, keys.FLEETING_SCORE.share(own_key))
+                ahead_m, left_m = range_m * math.cos(angle_rad), range_m * math.sin(angle_rad)
+                east_m = pose.east_m + ahead_m * cos - left_m * sin
+                north_m = pose.north_m + ahead_m * sin + left_m * cos
+                place_m = round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS)
+                detections.append(
+                    detection(
+                        law.label, round(score, SCORE_DECIMALS), (*place_m, MIDDLES_M[law.label])
+                    )
+                )
+            draw -= law.per_frame
+        return detections
 
     def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _LookColumns:
         objects, pose, row = self._objects, visible.pose, visible.row
@@ -109,13 +135,12 @@ class SyntheticDetector:
             ahead_m = dx * poses.cos[pose] + dy * poses.sin[pose]
             step = ((visible.range_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
             step += objects.offset[row]
-        key = (objects.key[row] ^ poses.key[pose]) * np.uint64(noise.MULTIPLIER)
-        key ^= key >> np.uint64(32)
+        key = keys.look_keys(objects.key[row], poses.key[pose])
         rounded_m = (visible.range_m + 0.5).astype(np.int64)
         return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, key=key)
 
     def _drawn(
-        self, copula: Copula, lasting_z: Array, looks: _LookColumns, draw: noise.Draw
+        self, copula: Copula, lasting_z: Array, looks: _LookColumns, draw: keys.BitField
     ) -> Array:
         """The values of a copula's table for the sum of what stays with each object, of its view
         and of its look.
@@ -131,14 +156,12 @@ class SyntheticDetector:
     def _labels(self, row: Ints, looks: _LookColumns) -> Any:
         """What the detector calls some objects."""
         labels = self._objects.label[row]
-        is_prone = noise.OBJECT_PRONE.of(self._objects.key[row]) < self._prone[looks.group]
+        is_prone = keys.OBJECT_PRONE.of(self._objects.key[row]) < self._laws.prone[looks.group]
         prone = np.flatnonzero(is_prone)
-        draws = noise.LOOK_NAME.of(looks.key[prone]).tolist()
+        draws = keys.LOOK_NAME.of(looks.key[prone]).tolist()
         for look, draw in zip(prone.tolist(), draws, strict=True):
-            for limit, name in self._laws.groups[looks.group[look]].names:
-                if draw < limit:
-                    labels[look] = name
-                    break
+            called = (name for limit, name in self._laws.names if draw < limit)
+            labels[look] = next(called, labels[look])
         return labels
 
 
@@ -154,29 +177,3 @@ def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
     gone_m = np.where(on_east, np.where(c > 0, x, -x), np.where(s > 0, y, -y))
     quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * noise.DIRECTION
     return gone_m, quarter
-
-
-def transient(
-    law: TransientLaw, key: int, pose: CameraPose, direction: tuple[float, float]
-) -> Detection:
-    """A false positive that is seen once, anywhere in view of a camera, by its key.
-
-    ``direction`` are cosine and sine of the camera's heading.
-    """
-    c, s = direction
-    range_m = quantile(law.range_m, noise.TRANSIENT_RANGE.share(key))
-    angle = (noise.TRANSIENT_ANGLE.share(key) - 0.5) * HORIZONTAL_FOV_RAD
-    score = round(quantile(law.scores, noise.TRANSIENT_SCORE.share(key)), SCORE_DECIMALS)
-    ahead_m, left_m = range_m * math.cos(angle), range_m * math.sin(angle)
-    east_m, north_m = (
-        pose.east_m + ahead_m * c - left_m * s,
-        pose.north_m + ahead_m * s + left_m * c,
-    )
-    location = (
-        round(east_m, POSITION_DECIMALS),
-        round(north_m, POSITION_DECIMALS),
-        MIDDLES_M[law.label],
-    )
-    return Detection(
-        law.label, score, box=None, location=location, confidence=score, placed_by=PLACED_BY
-    )

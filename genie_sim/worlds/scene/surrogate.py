@@ -17,7 +17,8 @@ import numpy as np
 from genie_sim.base.features import DIMENSION, UNIT
 from genie_sim.base.seeds import stream
 from genie_sim.core.messages import CameraPose
-from genie_sim.worlds.scene.noise import FRAME_FEATURES, normals
+from genie_sim.worlds.scene.keys import FRAME_FEATURES
+from genie_sim.worlds.scene.noise import normals
 
 # assumed: how far a place must be for its picture to differ as much as one turned by a radian
 TURN_M = 20.0

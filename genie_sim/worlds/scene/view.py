@@ -1,19 +1,17 @@
-"""What a camera has in view, from many poses at once, as columns: what all scenes share."""
+"""What cameras have in view, from many poses at once, as columns: what all scenes share."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.base.geometry import Array
-from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
+from genie_sim.base.spans import Ints
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, Bits, ObjectColumns
 
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
-Bits = np.ndarray[Any, np.dtype[np.uint64]]
-Ints = np.ndarray[Any, np.dtype[np.int64]]
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 HALF_C, HALF_S = math.cos(HORIZONTAL_FOV_RAD / 2), math.sin(HORIZONTAL_FOV_RAD / 2)
 SLOPE = math.tan(HORIZONTAL_FOV_RAD / 2)
 
@@ -32,12 +30,12 @@ class ViewPoses(NamedTuple):
 
 
 class PlacedObjects(NamedTuple):
-    """Objects that may be seen: the row of the pose that they are seen from, the row of the object
-    among the scene's, and its east and north [m].
+    """Objects that may be seen: from which pose, the row of the object, and where it is then, east
+    and north [m].
 
     ``number_offset`` is what to take off the object's number: who leaves a town's street enters at
     its other end as somebody else. It changes each time by the size of the object's stream: down
-    from 0 for those who go east or north, up for those who come back.
+    from 0 for those who go east or north, up for those who come back. In traffic it is 0.
     """
 
     pose: Ints
@@ -63,8 +61,8 @@ class VisibleObjects(NamedTuple):
 def in_view(
     poses: ViewPoses, candidates: PlacedObjects, objects: ObjectColumns, view_m: float
 ) -> VisibleObjects:
-    """Of the ``candidates`` those in the field of view, neither too near nor too far, pose by pose
-    and then row by row; what hides them is not looked at.
+    """Of the ``candidates`` those in the field of view, neither too near nor too far (up to
+    ``view_m`` [m]), pose by pose and then row by row; what hides them is not looked at.
 
     ``objects`` are all that there are, of which ``candidates`` gives the rows.
     """
@@ -75,9 +73,9 @@ def in_view(
     range_m = np.sqrt(dx * dx + dy * dy)
     farthest_m = np.minimum(objects.reach_m[candidates.row], view_m)
     visible = (np.abs(left_m) <= border_m) & (range_m >= NEAREST_M) & (range_m <= farthest_m)
-    rows = np.flatnonzero(visible)
-    rows = rows[np.lexsort((candidates.row[rows], pose[rows]))]
-    return VisibleObjects._make(column[rows] for column in (*candidates, range_m))
+    chosen = np.flatnonzero(visible)
+    chosen = chosen[np.lexsort((candidates.row[chosen], pose[chosen]))]
+    return VisibleObjects._make(column[chosen] for column in (*candidates, range_m))
 
 
 def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array, Array]:

@@ -1,26 +1,22 @@
-"""How a car drives through the town: from destination to destination, in the right-hand lane, with
-stops at junctions.
+"""How a car drives through the town on its way (``commuting``): in the right-hand lane, with stops
+at junctions.
 
 A course is a list of pieces, each with a constant curvature and a constant acceleration, so that
 the place at any time is one formula.
 """
 
-import functools
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
-from itertools import accumulate
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
-from genie_sim.worlds.scene.frames import Motion
-from genie_sim.worlds.scene.noise import LIGHT, mix
+from genie_sim.base.geometry import Array
+from genie_sim.worlds.scene.frames import Motions
+from genie_sim.worlds.scene.keys import LIGHT, crossing_key
+from genie_sim.worlds.town.commuting import Commuting, Node
 from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M, TownRules
-
-Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south
 
 Pose = tuple[float, float, float]  # east, north [m], heading [rad]
 
@@ -30,173 +26,9 @@ STOP_S = 2.0  # assumed: at a stop sign
 GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
 
 
-class Piece(NamedTuple):
-    """Part of a course: where and how fast a car is at its beginning, and its constant curvature
-    [1/m], positive to the left, and acceleration [m/s2].
-    """
-
-    motion: Motion
-    curvature: float
-    acceleration_mps2: float
-
-
-class Course:
-    """Where a car is at each time, by pieces."""
-
-    __slots__ = ("_begin_s", "_pieces")
-
-    def __init__(self) -> None:
-        self._begin_s: list[float] = []
-        self._pieces: list[Piece] = []
-
-    def add(
-        self,
-        begin_s: float,
-        pose: Pose,
-        speed_mps: float,
-        *,
-        acceleration_mps2: float = 0.0,
-        curvature: float = 0.0,
-    ) -> None:
-        """Adds a piece that begins at a time and a place, behind the pieces before it.
-
-        Parameters
-        ----------
-        begin_s : when it begins [s]
-        pose : where
-        speed_mps : at first
-        acceleration_mps2, curvature : as in ``Piece``
-        """
-        heading_rad = pose[2]
-        motion = Motion(*pose, math.cos(heading_rad), math.sin(heading_rad), speed_mps)
-        self._begin_s.append(begin_s)
-        self._pieces.append(Piece(motion, curvature, acceleration_mps2))
-
-    def at(self, t_s: float) -> Motion:
-        number = max(bisect_right(self._begin_s, t_s) - 1, 0)
-        (east_m, north_m, heading_rad, c, s, speed_mps), curvature, acceleration_mps2 = (
-            self._pieces[number]
-        )
-        passed_s = t_s - self._begin_s[number]
-        way_m = passed_s * (speed_mps + 0.5 * acceleration_mps2 * passed_s)
-        speed_mps += acceleration_mps2 * passed_s
-        if curvature == 0.0:
-            return Motion(east_m + way_m * c, north_m + way_m * s, heading_rad, c, s, speed_mps)
-        heading_rad += curvature * way_m
-        c2, s2 = math.cos(heading_rad), math.sin(heading_rad)
-        east_m, north_m = east_m + (s2 - s) / curvature, north_m - (c2 - c) / curvature
-        return Motion(east_m, north_m, heading_rad, c2, s2, speed_mps)
-
-
-class Commuting:
-    """Who goes where: popular destinations, and the quickest way to each from every junction."""
-
-    def __init__(self, rules: TownRules, random: np.random.Generator) -> None:
-        self.rules = rules
-        self._east, self._north = rules.blocks
-        self._nodes = [(i, j) for i in range(self._east + 1) for j in range(self._north + 1)]
-        count = min(rules.destinations, len(self._nodes))
-        order = random.permutation(len(self._nodes)).tolist()
-        self._destinations: list[Node] = [self._nodes[k] for k in order[:count]]
-        weights = [(k + 1) ** -rules.popularity for k in range(count)]
-        self._shares = [share / math.fsum(weights) for share in accumulate(weights)]
-        self._away = functools.cache(self._seconds_to)
-
-    def destination(self, draw: float) -> Node:
-        """The destination that a number in [0, 1) stands for."""
-        return self._destinations[
-            min(bisect_right(self._shares, draw), len(self._destinations) - 1)
-        ]
-
-    def neighbours(self, node: Node) -> Iterator[Node]:
-        for way_i, way_j in ((1, 0), (0, 1), (-1, 0), (0, -1)):
-            i, j = node[0] + way_i, node[1] + way_j
-            if 0 <= i <= self._east and 0 <= j <= self._north:
-                yield i, j
-
-    def limit_mps(self, a: Node, b: Node) -> float:
-        return self.rules.limit_mps(a[1] if a[1] == b[1] else a[0])
-
-    def after(self, before: Node | None, node: Node, destination: Node) -> Node:
-        """The next junction on the quickest way; straight on rather than a turn that gains nothing,
-        never back.
-        """
-        away_s = self._away(destination)
-        straight_on = before and (2 * node[0] - before[0], 2 * node[1] - before[1])
-
-        def cost(neighbour: Node) -> float:
-            cost_s = self.rules.block_m / self.limit_mps(node, neighbour) + away_s[neighbour]
-            return cost_s if neighbour == straight_on or before is None else cost_s + 1e-3
-
-        return min(
-            (neighbour for neighbour in self.neighbours(node) if neighbour != before),
-            key=cost,
-            default=node,
-        )
-
-    def _seconds_to(self, destination: Node) -> dict[Node, float]:
-        """Seconds from every junction to a destination."""
-        numbers = {node: number for number, node in enumerate(self._nodes)}
-        seconds = dijkstra(self._seconds, indices=numbers[destination]).tolist()
-        return dict(zip(self._nodes, seconds, strict=True))
-
-    @functools.cached_property
-    def _seconds(self) -> csr_array:
-        """From each junction to its neighbours."""
-        numbers = {node: number for number, node in enumerate(self._nodes)}
-        legs = [(a, b) for a in self._nodes for b in self.neighbours(a)]
-        seconds = [self.rules.block_m / self.limit_mps(a, b) for a, b in legs]
-        rows, columns = np.array([[numbers[a], numbers[b]] for a, b in legs]).T
-        return csr_array((seconds, (rows, columns)), shape=(len(numbers), len(numbers)))
-
-    def trip(self, random: np.random.Generator) -> Iterator[Node]:
-        """The junctions that a car passes, without end: it starts anywhere on the way to its first
-        destination.
-        """
-        draws = random.random(3).tolist()
-        node = (int(draws[0] * (self._east + 1)), int(draws[1] * (self._north + 1)))
-        destination = self.destination(draws[2])
-        while destination == node:
-            destination = (
-                self.destination(float(random.random()))
-                if len(self._destinations) > 1
-                else self._other(node)
-            )
-        way, before = [node], None
-        while node != destination:
-            before, node = node, self.after(before, node, destination)
-            way.append(node)
-        first = int(float(random.random()) * (len(way) - 1))
-        yield from way[first:]
-        while True:
-            destination = self.destination(float(random.random()))
-            if destination == node:
-                destination = self._other(node)
-            for _ in range(4 * (self._east + self._north + 2)):
-                if node == destination:
-                    break
-                before, node = node, self.after(before, node, destination)
-                yield node
-
-    def _other(self, node: Node) -> Node:
-        mirrored = (self._east - node[0], self._north - node[1])
-        return mirrored if mirrored != node else (0, 0)
-
-
-def green_at(node: Node, northbound: bool, t_s: float) -> float:
-    """When a light at a junction is green for those who drive along one axis: now, or the time [s]
-    it turns so.
-    """
-    offset_s = LIGHT.share(mix(node[0] << 20 | node[1])) * CYCLE_S + (
-        CYCLE_S / 2 if northbound else 0.0
-    )
-    phase_s = (t_s + offset_s) % CYCLE_S
-    return t_s if phase_s < GREEN_S else t_s + CYCLE_S - phase_s
-
-
 class Phase(NamedTuple):
-    """Part of a straight: how long it takes [s], the speed at its beginning [m/s], and the
-    acceleration [m/s2].
+    """Some time [s] of a drive with a constant acceleration [m/s2], and the speed [m/s] at its
+    beginning.
     """
 
     seconds: float
@@ -206,6 +38,77 @@ class Phase(NamedTuple):
     @property
     def way_m(self) -> float:
         return self.seconds * (self.speed_mps + 0.5 * self.acceleration_mps2 * self.seconds)
+
+
+class Piece(NamedTuple):
+    """Part of a course: when it begins [s] and where, cosine and sine of the heading there, how it
+    bends [1/m], positive to the left, and how the car drives from then on.
+    """
+
+    begin_s: float
+    pose: Pose
+    cos: float
+    sin: float
+    curvature_per_m: float
+    phase: Phase
+
+
+class Course:
+    """Where a car is at each time, by pieces."""
+
+    def __init__(self) -> None:
+        self._begins_s: list[float] = []
+        self._pieces: list[Piece] = []
+
+    def follow(
+        self, begin_s: float, pose: Pose, curvature_per_m: float, phases: Sequence[Phase]
+    ) -> float:
+        """Goes on along a straight or an arc, phase after phase. Returns when it is at its end [s].
+
+        Parameters
+        ----------
+        begin_s : when it is at the beginning
+        pose : there
+        curvature_per_m : of the way, positive to the left
+        phases : how the car drives
+        """
+        gone_m = 0.0
+        for phase in phases:
+            here = _along(pose, curvature_per_m, gone_m)
+            c, s = math.cos(here[2]), math.sin(here[2])
+            self._begins_s.append(begin_s)
+            self._pieces.append(Piece(begin_s, here, c, s, curvature_per_m, phase))
+            begin_s += phase.seconds
+            gone_m += phase.way_m
+        return begin_s
+
+    def at(self, t_s: Array) -> Motions:
+        motions = [self._at(moment_s) for moment_s in t_s.tolist()]
+        return Motions._make(np.array(motions).reshape(-1, 6).T)
+
+    def _at(self, t_s: float) -> tuple[float, ...]:
+        """The motion at one time. Sines are not numpy's, whose last bit is another one on other
+        processors.
+        """
+        number = max(bisect_right(self._begins_s, t_s) - 1, 0)
+        begin_s, pose, c, s, curvature_per_m, phase = self._pieces[number]
+        passed_s = t_s - begin_s
+        way_m = passed_s * (phase.speed_mps + 0.5 * phase.acceleration_mps2 * passed_s)
+        speed_mps = phase.speed_mps + phase.acceleration_mps2 * passed_s
+        if curvature_per_m == 0.0:  # mostly; its sine and cosine are known
+            east_m, north_m, heading_rad = pose
+            return east_m + way_m * c, north_m + way_m * s, heading_rad, c, s, speed_mps
+        pose = _along(pose, curvature_per_m, way_m)
+        return *pose, math.cos(pose[2]), math.sin(pose[2]), speed_mps
+
+
+def green_at(node: Node, northbound: bool, t_s: float) -> float:
+    """When a light at a junction is green for those who drive along one axis: now, or the time [s]
+    it turns so.
+    """
+    offset_s = LIGHT.share(crossing_key(*node)) * CYCLE_S + (CYCLE_S / 2 if northbound else 0.0)
+    phase_s = (t_s + offset_s) % CYCLE_S
+    return t_s if phase_s < GREEN_S else t_s + CYCLE_S - phase_s
 
 
 class Crossing(NamedTuple):
@@ -222,6 +125,15 @@ class Crossing(NamedTuple):
     has_light: bool
     has_stop_sign: bool
 
+    @property
+    def curvature_per_m(self) -> float:
+        return self.turn / (JUNCTION_M + self.turn * LANE_M)
+
+    @property
+    def length_m(self) -> float:
+        """Of the way across it: straight, or a quarter of a circle."""
+        return abs(math.pi / 2 / self.curvature_per_m) if self.turn else 2 * JUNCTION_M
+
     def free_s(self, arrival_s: float) -> float:
         """When its light lets a car go on that arrives at a time [s]: then, or once it is green."""
         return green_at(self.node, self.northbound, arrival_s) if self.has_light else arrival_s
@@ -237,41 +149,29 @@ def drive(
     course, rules = Course(), commuting.rules
     nodes = commuting.trip(random)
     start, end = next(nodes), next(nodes)
-    straight_m = rules.block_m - 2 * JUNCTION_M
     t_s, speed_mps = begin_s, commuting.limit_mps(start, end)
     # The first leg starts anywhere from which a stop at its end is still possible.
-    skipped_m = float(random.random()) * max(
-        0.0, straight_m - speed_mps**2 / (2 * rules.braking_mps2) - 1.0
-    )
+    straight_m = rules.block_m - 2 * JUNCTION_M
+    room_m = straight_m - speed_mps**2 / (2 * rules.braking_mps2) - 1.0
+    skipped_m = float(random.random()) * max(0.0, room_m)
     while t_s <= end_s:
         beyond = next(nodes)
-        limit_mps = commuting.limit_mps(start, end)
         crossing = _crossing(commuting, start, end, beyond)
         pose, length_m = _entry(rules, start, end, skipped_m), straight_m - skipped_m
-        ends_mps = speed_mps, crossing.through_mps
-        phases = _phases(rules, length_m, ends_mps=ends_mps, limit_mps=limit_mps)
+        limit_mps = commuting.limit_mps(start, end)
+        phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, crossing.through_mps))
         arrival_s = t_s + math.fsum(phase.seconds for phase in phases)
         free_s = crossing.free_s(arrival_s)
         stops = crossing.has_stop_sign or free_s > arrival_s
         if stops:
-            phases = _phases(rules, length_m, ends_mps=(speed_mps, 0.0), limit_mps=limit_mps)
-        gone_m = 0.0
-        for phase in phases:
-            course.add(
-                t_s,
-                _along(pose, 0.0, gone_m),
-                phase.speed_mps,
-                acceleration_mps2=phase.acceleration_mps2,
-            )
-            t_s += phase.seconds
-            gone_m += phase.way_m
+            phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, 0.0))
+        t_s = course.follow(t_s, pose, 0.0, phases)
         pose, speed_mps = _along(pose, 0.0, length_m), crossing.through_mps
         if stops:
-            course.add(t_s, pose, 0.0)
-            t_s, speed_mps = max(t_s + STOP_S, free_s), 0.0
-        t_s, speed_mps = _cross(
-            course, pose, crossing, rules.acceleration_mps2, t_s=t_s, speed_mps=speed_mps
-        )
+            waits = Phase(max(STOP_S, free_s - t_s), 0.0, 0.0)
+            t_s, speed_mps = course.follow(t_s, pose, 0.0, [waits]), 0.0
+        phases, speed_mps = _across(rules, crossing, speed_mps)
+        t_s = course.follow(t_s, pose, crossing.curvature_per_m, phases)
         start, end, skipped_m = end, beyond, 0.0
     return course
 
@@ -314,16 +214,16 @@ def _entry(rules: TownRules, start: Node, end: Node, skipped_m: float) -> Pose:
 
 
 def _phases(
-    rules: TownRules, length_m: float, *, ends_mps: tuple[float, float], limit_mps: float
+    rules: TownRules, length_m: float, limit_mps: float, *, ends_mps: tuple[float, float]
 ) -> list[Phase]:
-    """The phases of a straight: faster, evenly, slower; braking begins at the peak.
+    """The phases of a way: faster, evenly, slower; braking begins at the peak.
 
     Parameters
     ----------
     rules : of the town: how a car accelerates and brakes
-    length_m : of the straight
-    ends_mps : speeds at its two ends
+    length_m : of the way
     limit_mps : the speed limit
+    ends_mps : speeds at its two ends
     """
     first, last = ends_mps
     a, b = rules.acceleration_mps2, rules.braking_mps2
@@ -339,52 +239,23 @@ def _phases(
     return [phase for phase in phases if phase.seconds > 0]
 
 
-def _cross(
-    course: Course,
-    pose: Pose,
-    crossing: Crossing,
-    acceleration_mps2: float,
-    *,
-    t_s: float,
-    speed_mps: float,
-) -> tuple[float, float]:
-    """Adds the way across a junction, straight or a quarter of a circle. Returns time [s] and speed
-    [m/s] at its end.
-
-    Parameters
-    ----------
-    course : to which the way is added
-    pose : where it begins
-    crossing : the junction
-    acceleration_mps2 : up to the highest speed across it
-    t_s : when it begins
-    speed_mps : at its beginning
-    """
-    radius_m = JUNCTION_M + crossing.turn * LANE_M
-    length_m = radius_m * math.pi / 2 if crossing.turn else 2 * JUNCTION_M
-    curvature = crossing.turn / radius_m
-    gone_m = 0.0
-    if speed_mps < crossing.through_mps:
-        reachable_mps = math.sqrt(speed_mps**2 + 2 * acceleration_mps2 * length_m)
-        reached_mps = min(crossing.through_mps, reachable_mps)
-        course.add(t_s, pose, speed_mps, acceleration_mps2=acceleration_mps2, curvature=curvature)
-        gone_m = (reached_mps**2 - speed_mps**2) / (2 * acceleration_mps2)
-        t_s += (reached_mps - speed_mps) / acceleration_mps2
-        speed_mps = reached_mps
-    if gone_m < length_m - 1e-9:
-        course.add(t_s, _along(pose, curvature, gone_m), speed_mps, curvature=curvature)
-        t_s += (length_m - gone_m) / speed_mps
-    return t_s, speed_mps
+def _across(rules: TownRules, crossing: Crossing, speed_mps: float) -> tuple[list[Phase], float]:
+    """The phases of the way across a junction, from a speed on, and the speed at its end."""
+    length_m, through_mps = crossing.length_m, crossing.through_mps
+    reachable_mps = math.sqrt(speed_mps**2 + 2 * rules.acceleration_mps2 * length_m)
+    reached_mps = min(through_mps, reachable_mps)
+    return _phases(rules, length_m, through_mps, ends_mps=(speed_mps, reached_mps)), reached_mps
 
 
-def _along(pose: Pose, curvature: float, way_m: float) -> Pose:
+def _along(pose: Pose, curvature_per_m: float, way_m: float) -> Pose:
+    """So far along a straight or an arc."""
     east_m, north_m, heading_rad = pose
-    if curvature == 0.0:
-        c, s = math.cos(heading_rad), math.sin(heading_rad)
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    if curvature_per_m == 0.0:
         return east_m + way_m * c, north_m + way_m * s, heading_rad
-    after_rad = heading_rad + curvature * way_m
+    after_rad = heading_rad + curvature_per_m * way_m
     return (
-        east_m + (math.sin(after_rad) - math.sin(heading_rad)) / curvature,
-        north_m - (math.cos(after_rad) - math.cos(heading_rad)) / curvature,
+        east_m + (math.sin(after_rad) - s) / curvature_per_m,
+        north_m - (math.cos(after_rad) - c) / curvature_per_m,
         after_rad,
     )

@@ -4,14 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from genie_sim.base.settings import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    Bounds,
-    Count,
-    SettingError,
-    Share,
-)
+from genie_sim.base.marks import NOT_NEGATIVE, POSITIVE, Bounds, Count, Share
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 # Assumed, all of these [m].

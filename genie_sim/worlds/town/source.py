@@ -2,24 +2,21 @@
 known.
 """
 
-import functools
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import numpy as np
-
-from genie_sim.base.geometry import Array, Geodetic
-from genie_sim.base.settings import POSITIVE
+from genie_sim.base.geometry import Geodetic
+from genie_sim.base.marks import POSITIVE
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
-from genie_sim.worlds.scene.frames import SceneDrives, SceneTruth, check_frames
+from genie_sim.worlds.scene.frames import check_frames
+from genie_sim.worlds.scene.scene import SceneDrives
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
-    from genie_sim.worlds.scene.frames import SceneFrame
-    from genie_sim.worlds.town.town import Town, TownDrive
+    from genie_sim.worlds.scene.frames import SceneDrive
+    from genie_sim.worlds.town.town import Town
 
 
 @dataclass(frozen=True)
@@ -67,37 +64,9 @@ class TownDrives(SceneDrives):
     """
 
     def __init__(self, town: "Town", settings: InTown) -> None:
-        super().__init__(town)
+        super().__init__(town, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
         self.town, self.settings = town, settings
         self.extent_m = 0.0, 0.0, *town.size_m
 
-    def drive(self, car: str, trace: str | None, start_ns: int) -> "TownDrive":
+    def drive(self, car: str, trace: str | None, start_ns: int) -> "SceneDrive":
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
-
-    def truth_of(self, drive: "TownDrive") -> "TownTruth":
-        drive.is_judged = True
-        return self._truth
-
-    @functools.cached_property
-    def _truth(self) -> "TownTruth":
-        """One for all drives, so that it is asked about objects of many cars at once."""
-        return TownTruth(self.town, self.settings)
-
-
-class TownTruth(SceneTruth):
-    """What is there on all drives through a town."""
-
-    def __init__(self, town: "Town", settings: InTown) -> None:
-        super().__init__(settings.tolerance_m, settings.range_m)
-        self._town = town
-
-    def knows(self, label: str) -> bool:
-        return True
-
-    def are_there(
-        self, frames: Sequence["SceneFrame"], labels: Sequence[str], east_m: Array, north_m: Array
-    ) -> Array:
-        t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
-        return self._town.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
-        )

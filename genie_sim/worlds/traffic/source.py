@@ -4,34 +4,21 @@ objects that these see.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from genie_sim.base import files
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.settings import POSITIVE, Bounds, OneOf, SettingError
+from genie_sim.base.marks import POSITIVE, Bounds, OneOf
+from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import check_frames
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
-from genie_sim.worlds.scene.objects import LONGEST_M
+from genie_sim.worlds.traffic.vehicle_types import VehicleType
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
     from genie_sim.worlds.traffic.traffic import TrafficDrives
-
-
-@dataclass(frozen=True)
-class TypeRules:
-    """What vehicles of one type are."""
-
-    label: Literal["car", "truck", "bus", "train", "motorcycle", "bicycle"]
-    """Their class, as a detector calls it."""
-
-    length_m: Annotated[float, Bounds(above=0, maximum=LONGEST_M)] = 5.0
-    """Their length: SUMO tells where the front bumper is."""
-
-    width_m: Annotated[float, Bounds(above=0, maximum=LONGEST_M)] = 1.8
-    """Their width."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +65,7 @@ class RecordedTraffic(FrameSource):
     """Which vehicles have cameras and a computer: a share of them, or those with these ids. A
     vehicle that a small share equips is equipped by every larger one."""
 
-    types: Mapping[str, TypeRules] = field(default_factory=dict)
+    types: Mapping[str, VehicleType] = field(default_factory=dict)
     """What vehicles of a type in the file are. A type that is not named here is recognised by a
     word in its name, such as `bus`, `truck` or `bicycle`, and is a car otherwise."""
 
@@ -101,4 +88,6 @@ class RecordedTraffic(FrameSource):
         path = files.find(files.TRAFFIC, self.fcd)
         begin_s = None if self.begin_ns is None else self.begin_ns / NS_PER_S
         rows = read_fcd(path, begin_s, self.duration_ns / NS_PER_S, self.accept)
-        return TrafficDrives(Traffic(rows, self, path, seed))
+        traffic = Traffic(rows, self, path, seed)
+        traffic.warn()
+        return TrafficDrives(traffic)

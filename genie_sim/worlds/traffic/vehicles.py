@@ -3,146 +3,71 @@
 import functools
 import itertools
 import math
-import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from genie_sim.base.classes import SIZES
 from genie_sim.base.errors import short_repr
 from genie_sim.base.geometry import Array
-from genie_sim.worlds.scene.view import Flags, Ints
+from genie_sim.base.grid import Area, widened
+from genie_sim.base.spans import Ints
+from genie_sim.worlds.scene.frames import Motions
 from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
+from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, says_what_it_is, type_named
 
-BLOCK_S = 2.0  # for so long at a time it is known who may be where
-KEPT_BLOCKS = 8
+KEPT_STEPS = 256  # of so many steps it is kept who is where
 BESIDE_M = 10.0  # the map goes on beside its outermost vehicles; one street has an extent, too
 
 
-class VehicleType(NamedTuple):
-    """What a vehicle of the file is: its class, its length and its width [m]."""
-
-    label: str
-    length_m: float
-    width_m: float
-
-
-# Words in the names of types, as SUMO's own tools write them, and the sizes that SUMO gives to
-# vehicles of that class by default [S: sumo.dlr.de/docs/Vehicle_Type_Parameter_Defaults.html].
-USUAL = VehicleType("car", 5.0, 1.8)
-TYPES = {
-    **dict.fromkeys(("bus", "minibus", "citybus", "trolleybus"), VehicleType("bus", 12.0, 2.5)),
-    "coach": VehicleType("bus", 14.0, 2.6),
-    **dict.fromkeys(("truck", "lorry"), VehicleType("truck", 7.1, 2.4)),
-    **dict.fromkeys(("trailer", "semitrailer"), VehicleType("truck", 16.5, 2.55)),
-    "tram": VehicleType("train", 22.0, 2.4),
-    "rail": VehicleType("train", 67.5, 2.84),
-    "train": VehicleType("train", 67.5, 2.84),
-    **dict.fromkeys(("motorcycle", "motorbike"), VehicleType("motorcycle", 2.2, 0.9)),
-    "moped": VehicleType("motorcycle", 2.1, 0.8),
-    "bicycle": VehicleType("bicycle", 1.6, 0.65),
-    "bike": VehicleType("bicycle", 1.6, 0.65),
-}
-
-
-PERSON = VehicleType("person", SIZES["person"].length_m, SIZES["person"].width_m)
-# words in the names of types that are known to be cars
-CARS = {"", "car", "passenger", "taxi", "default", "veh", "vehicle", "private", "evehicle", "hov"}
-
-
-def words_of(name: str) -> list[str]:
-    """The words in the name of a type, such as bike and default for ``DEFAULT_BIKETYPE``."""
-    split = re.sub("([a-z])([A-Z])", r"\1 \2", name).lower()
-    words = re.findall("[a-z]+", split)
-    return [word.removesuffix("type").removesuffix("veh") or word for word in words]
-
-
-def type_named(name: str) -> VehicleType:
-    """What a type is by the words in its name; a car where none says otherwise."""
-    words = words_of(name)
-    found = (TYPES[one] for word in words for one in (word, word.removesuffix("s")) if one in TYPES)
-    return next(found, USUAL)
-
-
-def is_known(name: str) -> bool:
-    """Whether the name of a type says what it is."""
-    return type_named(name) is not USUAL or not name or bool(CARS & {*words_of(name)})
-
-
-class VehicleStates(NamedTuple):
-    """Some stretches at some times, as arrays of one shape.
-
-    Whether the vehicle is there, the middle of it [m], cosine and sine of its heading, and its
-    speed [m/s].
-    """
-
-    there: Flags
-    east_m: Array
-    north_m: Array
-    cos: Array
-    sin: Array
-    speed_mps: Array
-
-
 class Vehicles:
-    """All vehicles of a file and their stretches: a stretch is a vehicle's way without a gap or a
-    jump. Times are in seconds after the beginning.
+    """All vehicles of a file, and persons on foot: what they are, and where at any time.
 
-    ``vehicle``, ``first_s`` and ``last_s`` of each stretch say whose it is and when it begins and
-    ends; the stretches of one vehicle are in order of time. ``jumps`` counts teleports of each
-    vehicle: where it went on elsewhere than it could have driven.
+    Times are in seconds after the beginning of the simulation; ``times_s`` are those of the file's
+    steps. A *vehicle* is a number from 0 on; ``ids``, ``is_person``, ``labels``, ``lengths_m``,
+    ``widths_m`` have one value for each. A *row* is one vehicle at one step: rows are ordered by
+    vehicle and then by time, and ``vehicle`` (rows,) says whose each is. From a row a vehicle goes
+    straight to its next one, unless that comes after a gap or a jump; a *stretch* are the rows from
+    one such break to the next. ``jumps`` counts the jumps of each vehicle (teleports): where it
+    went on elsewhere than it could have driven.
     """
 
     def __init__(
         self, rows: VehicleRows, begin_s: float, own_types: Mapping[str, VehicleType]
     ) -> None:
-        self.ids: Sequence[str] = rows.ids
-        self.is_person: Sequence[bool] = rows.is_person
-        named = zip(rows.types, rows.is_person, strict=True)
-        self.types_by_name = {
-            name: own_types.get(name) or type_named(name)
-            for name, is_person in dict.fromkeys(named)
+        self.ids, self.is_person = rows.ids, rows.is_person
+        self.times_s = rows.times_s - begin_s
+        self._read_types(rows, own_types)
+        order = np.lexsort((rows.step, rows.vehicle))
+        self.vehicle: Ints = rows.vehicle[order]
+        self._step: Ints = rows.step[order]
+        self._heading_rad = np.radians(90.0 - rows.angle_deg[order])
+        # the file has the middle of persons, and the front bumper of vehicles
+        half_m = np.where(rows.is_person, 0.0, self.lengths_m / 2)[self.vehicle]
+        self._east_m = rows.x_m[order] - half_m * np.cos(self._heading_rad)
+        self._north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
+        self._link_rows()
+        self._in_order_of_steps: Ints = np.argsort(self._step, kind="stable")
+        self._at_step = functools.lru_cache(KEPT_STEPS)(self._tree_of_step)
+
+    def _read_types(self, rows: VehicleRows, own_types: Mapping[str, VehicleType]) -> None:
+        """What vehicles are by their types, own ones first. Warns of types that say nothing."""
+        kinds = list(zip(rows.types, rows.is_person, strict=True))
+        types = {
+            name: own_types.get(name) or type_named(name) or USUAL
+            for name, is_person in dict.fromkeys(kinds)
             if not is_person
         }
-        self.types = [
-            PERSON if is_person else self.types_by_name[name]
-            for name, is_person in zip(rows.types, rows.is_person, strict=True)
-        ]
-        self._tell_types(rows, own_types)
-        self.times_s = rows.times_s - begin_s
-        order = np.lexsort((rows.step, rows.vehicle))
-        vehicle, self._step = rows.vehicle[order], rows.step[order]
-        heading = np.radians(90.0 - rows.angle_deg[order])
-        half_m = np.where(rows.is_person, 0.0, self.lengths_m / 2)[vehicle]
-        self._east_m = rows.x_m[order] - half_m * np.cos(heading)
-        self._north_m = rows.y_m[order] - half_m * np.sin(heading)
-        self._heading = heading
-        way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
-        passed_s = np.diff(self.times_s[self._step])
-        same_vehicle = np.diff(vehicle) == 0
-        jumps = same_vehicle & (way_m > JUMP_MPS * passed_s)
-        breaks = ~same_vehicle | jumps | (np.diff(self._step) != 1)
-        self._first_row = np.concatenate([[0], np.flatnonzero(breaks) + 1])
-        last_row = np.concatenate([np.flatnonzero(breaks), [len(vehicle) - 1]])
-        self.vehicle: Ints = vehicle[self._first_row]
-        self._first_step, self._last_step = self._step[self._first_row], self._step[last_row]
-        self.first_s, self.last_s = self.times_s[self._first_step], self.times_s[self._last_step]
-        self.jumps = np.bincount(vehicle[1:][jumps], minlength=len(self.ids))
-        self.extent_m = (
-            float(self._east_m.min()) - BESIDE_M,
-            float(self._north_m.min()) - BESIDE_M,
-            float(self._east_m.max()) + BESIDE_M,
-            float(self._north_m.max()) + BESIDE_M,
-        )
-        self._near = functools.lru_cache(KEPT_BLOCKS)(self._block)
-
-    def _tell_types(self, rows: VehicleRows, own_types: Mapping[str, VehicleType]) -> None:
-        """Warns of types whose names say nothing."""
-        counts = Counter(
-            name for name in rows.types if name not in own_types and not is_known(name)
-        )
+        outlines = [SIZES["person"] if is_person else types[name] for name, is_person in kinds]
+        self.types_by_name: Mapping[str, VehicleType] = types
+        self.labels = ["person" if is_person else types[name].label for name, is_person in kinds]
+        self.lengths_m = np.array([outline.length_m for outline in outlines])
+        self.widths_m = np.array([outline.width_m for outline in outlines])
+        self.heights_m = np.array([SIZES[label].height_m for label in self.labels])
+        told = {"", *own_types, *filter(says_what_it_is, types)}
+        counts = Counter(name for name in rows.types if name not in told)
         if counts:
             names = ", ".join(f"{short_repr(name)} ({n:,})" for name, n in counts.most_common(5))
             more = f" and {len(counts) - 5} more" if len(counts) > 5 else ""
@@ -150,144 +75,125 @@ class Vehicles:
                 f"types taken for cars: {names}{more}; perception.types says what they are"
             )
 
+    def _link_rows(self) -> None:
+        """Finds the stretches: which row follows which."""
+        way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
+        passed_s = np.diff(self.times_s[self._step])
+        same_vehicle = np.diff(self.vehicle) == 0
+        jumps = same_vehicle & (way_m > JUMP_MPS * passed_s)
+        goes_on = same_vehicle & ~jumps & (np.diff(self._step) == 1)
+        self.jumps = np.bincount(self.vehicle[1:][jumps], minlength=len(self.ids))
+        row, has_next, has_previous = (
+            np.arange(len(self.vehicle)),
+            np.append(goes_on, False),
+            np.append(False, goes_on),
+        )
+        # Of each row the two between which its vehicle is from then on: it and the next, at the
+        # very end of a stretch the one before and it, and of a stretch of one row that one.
+        self._from: Ints = row - (~has_next & has_previous)
+        self._to: Ints = self._from + (has_next | has_previous)
+        self._until_s = self.times_of(row + has_next)
+        self._longest_m = float(way_m.max(where=goes_on, initial=0.0))
+        self._is_first = ~has_previous
+
     def __len__(self) -> int:
         return len(self.ids)
 
-    def at(self, stretch: Ints, t_s: Array) -> VehicleStates:
-        """Where some stretches are at some times, on straight lines between steps and turning the
-        shorter way. The shapes of the two are broadcast together.
+    @property
+    def extent_m(self) -> Area:
+        """The borders of the map."""
+        east_m, north_m = self._east_m, self._north_m
+        west, south, east, north = east_m.min(), north_m.min(), east_m.max(), north_m.max()
+        return widened((float(west), float(south), float(east), float(north)), BESIDE_M)
+
+    def at(self, row: Ints, t_s: Array) -> Motions:
+        """Where the vehicles of some rows (n,) are at times between these rows and the next (n,):
+        on straight lines, and turning the shorter way.
         """
-        step = np.searchsorted(self.times_s, t_s, side="right") - 1
-        step = np.minimum(step, max(len(self.times_s) - 2, 0))
-        first, last = self._first_step[stretch], self._last_step[stretch]
-        there = (t_s >= self.first_s[stretch]) & (t_s <= self.last_s[stretch])
-        # of two rows: between the last step of a stretch and the one before it at its very end
-        low = np.clip(step, first, np.maximum(last - 1, first))
-        row = self._first_row[stretch] + low - first
-        following = np.minimum(row + 1, row + (last - low))
-        begin_s = self.times_s[low]
-        passed_s = self.times_s[np.minimum(low + 1, last)] - begin_s
-        whole_s = np.where(passed_s > 0, passed_s, 1.0)
+        first, last = self._from[row], self._to[row]
+        begin_s = self.times_of(first)
+        whole_s = self.times_of(last) - begin_s
+        whole_s[whole_s == 0.0] = 1.0
         share = np.clip((t_s - begin_s) / whole_s, 0.0, 1.0)
-        dx = self._east_m[following] - self._east_m[row]
-        dy = self._north_m[following] - self._north_m[row]
-        turn = self._heading[following] - self._heading[row]
-        turn -= np.rint(turn / math.tau) * math.tau
-        heading = self._heading[row] + share * turn
-        return VehicleStates(
-            there=there,
-            east_m=self._east_m[row] + share * dx,
-            north_m=self._north_m[row] + share * dy,
-            cos=np.cos(heading),
-            sin=np.sin(heading),
-            speed_mps=np.sqrt(dx * dx + dy * dy) / whole_s,
+        way_east_m = self._east_m[last] - self._east_m[first]
+        way_north_m = self._north_m[last] - self._north_m[first]
+        turn_rad = self._heading_rad[last] - self._heading_rad[first]
+        turn_rad -= np.rint(turn_rad / math.tau) * math.tau
+        heading_rad = self._heading_rad[first] + share * turn_rad
+        return Motions(
+            east_m=self._east_m[first] + share * way_east_m,
+            north_m=self._north_m[first] + share * way_north_m,
+            heading_rad=heading_rad,
+            cos=np.cos(heading_rad),
+            sin=np.sin(heading_rad),
+            speed_mps=np.sqrt(way_east_m * way_east_m + way_north_m * way_north_m) / whole_s,
         )
 
-    def stretch(self, vehicle: Ints, t_s: Array) -> Ints:
-        """The stretch of each vehicle at its time: the last one that has begun."""
-        keys = self._stretch_keys
-        after = np.searchsorted(keys, vehicle * self._key_s + t_s, side="right")
-        first = np.searchsorted(keys, vehicle * self._key_s + self.times_s[0])
-        stretches: Ints = np.maximum(after - 1, first)
-        return stretches
+    def times_of(self, row: Ints) -> Array:
+        """The times of some rows."""
+        return self.times_s[self._step[row]]
+
+    def rows_at(self, vehicle: Ints, t_s: Array) -> Ints:
+        """The rows of some vehicles (n,) that are there at some times (n,)."""
+        keys = vehicle * len(self.times_s) + self._steps_at(t_s)
+        return np.searchsorted(self._keys, keys)
 
     @functools.cached_property
-    def _key_s(self) -> float:
-        return float(self.times_s[-1] - self.times_s[0]) + 1.0
+    def _keys(self) -> Ints:
+        """A number of each row that grows with its vehicle, and with its step."""
+        return self.vehicle * len(self.times_s) + self._step
 
-    @functools.cached_property
-    def _stretch_keys(self) -> Array:
-        """A number for each stretch that grows with its vehicle, and with when it begins."""
-        keys: Array = self.vehicle * self._key_s + self.first_s
-        return keys
-
-    def rows_of(self, stretch: int) -> tuple[Array, Array, Array, Array]:
-        """The times of one stretch [s], and where its vehicle is then: east and north of its middle
-        [m], and its heading [rad].
+    def near(self, east_m: Array, north_m: Array, t_s: Array, radius_m: float) -> tuple[Ints, Ints]:
+        """All pairs of a query (n,), a place at a time, and a vehicle that may be so near to it
+        then, query by query: the query and the row. All that are so near are among them.
         """
-        first, count = (
-            self._first_row[stretch],
-            int(self._last_step[stretch] - self._first_step[stretch]) + 1,
+        places_m = np.column_stack([east_m, north_m])
+        queries, rows = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        step = self._steps_at(t_s)
+        for number in np.unique(step[step >= 0]).tolist():
+            asked = np.flatnonzero(step == number)
+            of_step, tree = self._at_step(number)
+            near = tree.query_ball_point(places_m[asked], radius_m + self._longest_m)
+            queries.append(np.repeat(asked, [len(items) for items in near]))
+            rows.append(of_step[list(itertools.chain.from_iterable(near))])
+        query, row = np.concatenate(queries), np.concatenate(rows)
+        is_there = t_s[query] <= self._until_s[row]
+        query, row = query[is_there], row[is_there]
+        order = np.argsort(query, kind="stable")
+        return query[order], row[order]
+
+    def _steps_at(self, t_s: Array) -> Ints:
+        """The last step at or before each time; -1 where there is none."""
+        return np.searchsorted(self.times_s, t_s, side="right") - 1
+
+    def _tree_of_step(self, step: int) -> tuple[Ints, cKDTree]:
+        """The rows of a step, and the tree of their places."""
+        of_step = slice(
+            *np.searchsorted(self._step, (step, step + 1), sorter=self._in_order_of_steps)
         )
-        rows = slice(first, first + count)
-        begin = self._first_step[stretch]
-        times_s = self.times_s[begin : begin + count]
-        return times_s, self._east_m[rows], self._north_m[rows], self._heading[rows]
+        rows = self._in_order_of_steps[of_step]
+        return rows, cKDTree(np.column_stack([self._east_m[rows], self._north_m[rows]]))
 
-    def near(
-        self,
-        west_m: float,
-        south_m: float,
-        east_m: float,
-        north_m: float,
-        *,
-        times_s: Array,
-    ) -> Ints:
-        """The stretches that may be in an upright rectangle at some time between the first and the
-        last of ``times_s``, in order.
+    def longest(self, vehicle: int, end_s: float) -> "Stretch":
+        """The longest stretch of a vehicle between the beginning and ``end_s``; of equal ones the
+        first.
         """
-        first, last = (int(t_s // BLOCK_S) for t_s in (times_s.min(), times_s.max()))
-        parts = []
-        for block in range(first, last + 1):
-            stretches, west, south, east, north = self._near(block)
-            inside = (west <= east_m) & (east >= west_m) & (south <= north_m) & (north >= south_m)
-            parts.append(stretches[inside])
-        return parts[0] if len(parts) == 1 else np.unique(np.concatenate(parts))
+        rows = np.arange(*np.searchsorted(self.vehicle, (vehicle, vehicle + 1)))
+        breaks = np.flatnonzero(self._is_first[rows[1:]]) + 1
+        stretches = [Stretch(self, part, end_s) for part in np.split(rows, breaks)]
+        return max(stretches, key=lambda stretch: stretch.end_s - stretch.begin_s)
 
-    def _block(self, block: int) -> tuple[Ints, Array, Array, Array, Array]:
-        """The stretches that are there in one block of time, and the rectangle around each then:
-        its west, south, east and north borders [m].
-        """
-        begin_s, end_s = block * BLOCK_S, (block + 1) * BLOCK_S
-        stretches = np.flatnonzero((self.first_s <= end_s) & (self.last_s >= begin_s))
-        if not len(stretches):
-            nowhere = np.empty(0)
-            return stretches, nowhere, nowhere, nowhere, nowhere
-        # all steps in the block, and those around it
-        low = max(int(np.searchsorted(self.times_s, begin_s, side="right")) - 1, 0)
-        high = min(int(np.searchsorted(self.times_s, end_s)), len(self.times_s) - 1)
-        offset = self._first_row[stretches] - self._first_step[stretches]
-        begins = offset + np.maximum(low, self._first_step[stretches])
-        ends = offset + np.minimum(high, self._last_step[stretches]) + 1
-        # the rows of all stretches, one behind the other, and where each begins among them
-        counts = ends - begins
-        firsts = np.cumsum(counts) - counts
-        rows = np.arange(counts.sum()) + np.repeat(begins - firsts, counts)
-        east_m, north_m = self._east_m[rows], self._north_m[rows]
-        return (
-            stretches,
-            np.minimum.reduceat(east_m, firsts),
-            np.minimum.reduceat(north_m, firsts),
-            np.maximum.reduceat(east_m, firsts),
-            np.maximum.reduceat(north_m, firsts),
-        )
 
-    def longest(self, vehicle: int, end_s: float) -> tuple[float, float, int]:
-        """When the longest stretch of a vehicle between the beginning and ``end_s`` starts and
-        ends [s], and which it is; of equal ones the first.
-        """
-        stretches = self._of_vehicle[vehicle]
-        parts = [
-            (max(self.first_s.item(k), 0.0), min(self.last_s.item(k), end_s), k) for k in stretches
-        ]
-        return max(parts, key=lambda part: (part[1] - part[0], -part[2]))
+class Stretch:
+    """A vehicle's way without a gap or a jump, as the course of the car that drives it: from
+    ``begin_s``, not before the beginning of the simulation, to ``end_s``.
+    """
 
-    @functools.cached_property
-    def _of_vehicle(self) -> list[range]:
-        borders = np.searchsorted(self.vehicle, np.arange(len(self.ids) + 1)).tolist()
-        return [range(first, end) for first, end in itertools.pairwise(borders)]
+    def __init__(self, vehicles: Vehicles, rows: Ints, end_s: float) -> None:
+        self._vehicles, self._rows, self._times_s = vehicles, rows, vehicles.times_of(rows)
+        self.begin_s = max(self._times_s.item(0), 0.0)
+        self.end_s = min(self._times_s.item(-1), end_s)
 
-    @functools.cached_property
-    def heights_m(self) -> Array:
-        """How high each vehicle is [m]."""
-        return np.array([SIZES[kind.label].height_m for kind in self.types])
-
-    @functools.cached_property
-    def lengths_m(self) -> Array:
-        """How long each vehicle is [m]."""
-        return np.array([kind.length_m for kind in self.types])
-
-    @functools.cached_property
-    def widths_m(self) -> Array:
-        """How wide each vehicle is [m]."""
-        return np.array([kind.width_m for kind in self.types])
+    def at(self, t_s: Array) -> Motions:
+        number = np.searchsorted(self._times_s, t_s, side="right") - 1
+        return self._vehicles.at(self._rows[np.maximum(number, 0)], t_s)

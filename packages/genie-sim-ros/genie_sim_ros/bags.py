@@ -33,13 +33,13 @@ from genie_sim.extend import (
     TraceFrame,
     UserError,
     as_user_error,
-    detection,
     detector_facts,
-    difference_hash,
     enu_SE3_enu,
     fit_ground,
     look,
+    new_detection,
     picture_frame,
+    picture_of,
     placed,
     rigid,
     tell_network,
@@ -100,6 +100,7 @@ def perceive_bag(
     min_score: float = 0.3,
     progress: Progress | None = None,
     sensors: BagTopics = ANY_TOPICS,
+    laser_height_m: float = USUAL_LASER_M,
     classes: Mapping[str, str] = {},
     report: ImportReport | None = None,
 ) -> Trace:
@@ -125,6 +126,8 @@ def perceive_bag(
         Gets the number of pictures that are done, and of all.
     sensors : BagTopics
         Which of several sensors to take.
+    laser_height_m : float
+        How high above the road the laser is, to half a metre.
     classes : mapping
         The classes of labels of ``detections`` that have other names.
     report : ImportReport, optional
@@ -167,7 +170,13 @@ def perceive_bag(
             if connection.topic in selected.values()
         )
         perception = _Perception(
-            path, selected, around, place_of=place_of, detector=detector, report=report
+            path,
+            selected,
+            around,
+            place_of=place_of,
+            detector=detector,
+            report=report,
+            laser_height_m=laser_height_m,
         )
         frames: list[TraceFrame] = []
         shots = _pictures(path, reader, selected, scan=scan, stamps=stamps)
@@ -187,8 +196,9 @@ def perceive_bag(
         )
     if perception.without_ground:
         report.warn(
-            f"{perception.without_ground:,} scans show no ground about {USUAL_LASER_M:g} m below "
-            "the laser, where it is looked for: places of objects may be wrong"
+            f"{perception.without_ground:,} scans show no ground about {laser_height_m:g} m below "
+            "the laser, where it is looked for: places of objects may be wrong; --laser-height "
+            "says how high it is"
         )
     tell_network(report, detector)
     provenance = {
@@ -202,7 +212,8 @@ def perceive_bag(
         **({"detector": detections} if detector is None else detector_facts(detector)),
     }
     name = path.stem
-    return traces({name: frames}, origin=origin, provenance=provenance, report=report)[name]
+    imported = traces({name: frames}, origin=origin, provenance=provenance, report=report)
+    return imported[name].trace
 
 
 class _BagPicture(NamedTuple):
@@ -226,6 +237,7 @@ class _Perception:
     place_of: PlaceOf
     detector: ImageDetector | None
     report: ImportReport
+    laser_height_m: float
     steep: set[str] = field(default_factory=set)  # cameras that look up or down
     without_ground: int = 0  # scans
     first_ns: int = 0
@@ -248,20 +260,19 @@ class _Perception:
                 "ahead and x to the right?"
             )
         pixels = _picture(self.path, topic, image)
-        size = (pixels.shape[1], pixels.shape[0])
+        picture, pixels = picture_of(pixels, bytes(image.data))
         bag_camera = self.around.cameras[_info_topic(topic)]
-        intrinsics = bag_camera.of_picture(topic, size, self.report)
-        placement = self._placement(shot, intrinsics, size)
+        intrinsics = bag_camera.of_picture(topic, picture.size, self.report)
+        placement = self._placement(shot, intrinsics, picture.size)
         bag_detections: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
+        features: Mapping[str, bytes] = {}
         if self.detector is not None:
-            boxes, _ = look(pixels, self.detector)
+            boxes, features = look(pixels, self.detector)
             bag_detections = (BagDetection(*box) for box in boxes)
         return picture_frame(
             camera=camera,
             stamp_ns=stamp_ns,
-            size=size,
-            digest=hashlib.sha256(bytes(image.data)).hexdigest(),
-            dhash=difference_hash(pixels),
+            picture=picture,
             world_SE3_camera=world_SE3_camera,
             intrinsics=intrinsics,
             detections=[
@@ -269,6 +280,7 @@ class _Perception:
                 for detection in bag_detections
                 if detection.score >= min_score
             ],
+            features=features,
         )
 
     def _of_bag(self, frame_id: str, stamp_ns: int) -> Iterable[BagDetection]:
@@ -293,10 +305,10 @@ class _Perception:
             self.report.leave_out("scans that no transform joins with the camera")
             return None
         points = _points(self.path, shot.cloud)
-        ground = fit_ground(points, USUAL_LASER_M)
+        ground = fit_ground(points, self.laser_height_m)
         if ground is None:
             self.without_ground += 1
-            ground = Plane((0.0, 0.0), -USUAL_LASER_M)
+            ground = Plane((0.0, 0.0), -self.laser_height_m)
         return Placement(intrinsics, size, camera_SE3_laser, points, ground=ground)
 
     def when(self, around: Surroundings) -> str:
@@ -315,7 +327,7 @@ def _placed(
     label, score, box, place = bag_detection
     if place is None:
         return placed(DetectedBox(label, score, box), placement, world_SE3_camera)
-    return detection(label, score, box, np.array(place), placed_by="bag")
+    return new_detection(label, score, box, np.array(place), placed_by="bag")
 
 
 def _places(

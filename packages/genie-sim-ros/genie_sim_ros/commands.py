@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import allow_own_code
 from genie_sim.cli import arguments
 from genie_sim.cli.arguments import PATH, accept_option, detector_options, set_option
 from genie_sim.cli.terminal import Commands, ProgressBar, tell
@@ -70,6 +71,7 @@ def attach(
     from genie_sim.sim.settings import MethodSettings
     from genie_sim_ros.attach import attach as attach_genie
 
+    allow_own_code()
     for assignment in set_:
         if not assignment.startswith("genie."):
             raise UserError(f"--set {assignment}: write --set genie.{assignment}")
@@ -119,6 +121,12 @@ def detach(node: str, network: str | None) -> None:
 @click.option("--imu", metavar="TOPIC", help="Of several IMUs this one.")
 @click.option("--fix", metavar="TOPIC", help="Of several receivers' positions these.")
 @click.option("--lidar", metavar="TOPIC", help="Of several lidars this one.")
+@click.option(
+    "--laser-height",
+    default="1.73 m",
+    show_default=True,
+    help="How high it is above the road, to half a metre.",
+)
 @detector_options
 @click.option(
     "--min-score",
@@ -139,6 +147,7 @@ def import_bag(
     imu: str | None,
     fix: str | None,
     lidar: str | None,
+    laser_height: str,
     min_score: float,
     origin: str | None,
     accept: bool,
@@ -151,12 +160,15 @@ def import_bag(
     genie-sim import bag street.mcap --detections /objects --out street.parquet
     """
     from genie_sim.base.import_report import ImportReport
+    from genie_sim.base.units import length_m
     from genie_sim.data.importers.trace_import import write_told
     from genie_sim.data.trace import check_replaceable
     from genie_sim_ros.bags import BagTopics, perceive_bag
 
+    allow_own_code()
     check_replaceable(out)  # before the detector runs
     place = arguments.geodetic("--origin", origin)
+    laser_height_m = arguments.quantity("--laser-height", laser_height, length_m)
     settings = arguments.detector_settings(**network, min_score=min_score)
     report = ImportReport(file, accept)
     with ProgressBar(unit="frames") as progress:
@@ -169,6 +181,7 @@ def import_bag(
             min_score=min_score,
             progress=progress,
             sensors=BagTopics(imu, fix, lidar),
+            laser_height_m=laser_height_m,
             classes=settings.classes,
             report=report,
         )

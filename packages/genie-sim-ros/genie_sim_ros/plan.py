@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.settings import SettingError, from_plain
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.settings import from_plain
 from genie_sim.core.genies import make_genie, rules_on_car, rules_on_edge
 from genie_sim.core.messages import Observation
 from genie_sim.core.rules import GenieRules

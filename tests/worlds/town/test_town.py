@@ -16,7 +16,8 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.trace import TraceFrame, read_trace
-from genie_sim.worlds.town import Town, TownDrive, TownRules
+from genie_sim.worlds.scene.frames import SceneDrive
+from genie_sim.worlds.town import Town, TownRules
 from tests.worlds.town.town_truth import truth_near
 
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -30,7 +31,7 @@ def town() -> Town:
     return Town(RULES, seed=7)
 
 
-def content(drive: TownDrive) -> list:
+def content(drive: SceneDrive) -> list:
     return [
         (f.digest, f.dhash, f.pose, f.detections, f.truth())
         for frames in drive.frames.values()

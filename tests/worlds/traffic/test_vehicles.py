@@ -12,7 +12,8 @@ from genie_sim.base.plugins import Choice
 from genie_sim.scenario.scenario import FRAME_SOURCE
 from genie_sim.worlds.scene.view import ViewPoses
 from genie_sim.worlds.traffic.fcd import read_fcd
-from genie_sim.worlds.traffic.vehicles import TYPES, Vehicles, VehicleType, type_named
+from genie_sim.worlds.traffic.vehicle_types import TYPES, USUAL, VehicleType, type_named
+from genie_sim.worlds.traffic.vehicles import Vehicles
 from tests.worlds.traffic.fcd_files import write_fcd
 
 
@@ -23,12 +24,15 @@ def vehicles_of(folder, steps, types=None, *, begin_s=0.0, own_types=None) -> Ve
 
 def at(vehicles: Vehicles, vehicle: int, t_s: float):
     """East, north, heading [degrees] and speed of a vehicle; ``None`` where it is not there."""
-    time = np.array([t_s])
-    places = vehicles.at(vehicles.stretch(np.array([vehicle]), time), time)
-    if not places.there[0]:
+    nowhere, time = np.zeros(1), np.array([t_s])
+    _, rows = vehicles.near(nowhere, nowhere, time, 1e9)
+    rows = rows[vehicles.vehicle[rows] == vehicle]
+    if not len(rows):
         return None
-    heading_deg = math.degrees(math.atan2(places.sin[0], places.cos[0]))
-    values = (places.east_m[0], places.north_m[0], heading_deg, places.speed_mps[0])
+    assert rows == vehicles.rows_at(np.array([vehicle]), time)
+    motions = vehicles.at(rows, time)
+    heading_deg = math.degrees(math.atan2(motions.sin[0], motions.cos[0]))
+    values = (motions.east_m[0], motions.north_m[0], heading_deg, motions.speed_mps[0])
     return tuple(round(float(value), 6) for value in values)
 
 
@@ -80,9 +84,13 @@ def test_a_teleport_is_no_movement(tmp_path):
         True,
     ]
     assert vehicles.jumps.tolist() == [1, 0]
-    assert vehicles.longest(0, 10.0) == (0.0, 1.0, 0), "the first of two that are as long"
-    assert vehicles.longest(0, 0.5)[:2] == (0.0, 0.5)
-    assert vehicles.longest(1, 4.5)[:2] == (0.0, 4.5)
+    spans_s = [(0, 10.0), (0, 0.5), (1, 4.5)]
+    longest = [vehicles.longest(vehicle, end_s) for vehicle, end_s in spans_s]
+    # of the first vehicle's two that are as long the first
+    assert [(of.begin_s, of.end_s) for of in longest] == [(0.0, 1.0), (0.0, 0.5), (0.0, 4.5)]
+    course = longest[0].at(np.array([-0.1, 0.5, 1.0, 1.1]))
+    assert course.east_m.tolist() == [-2.5, 2.5, 7.5, 7.5], "it goes on to its end, and no further"
+    assert course.speed_mps.tolist() == [10.0] * 4
     slower = [(t, {"a": (x, 0, 90)}) for t, x in enumerate((0, 69))]
     assert vehicles_of(tmp_path, slower).jumps.tolist() == [0]
 
@@ -102,14 +110,17 @@ def test_who_may_be_near_includes_everybody_who_is(tmp_path):
                 places[name] = (round(x, 2), round(y, 2), angle_deg)
         steps.append((0.1 * step, places))
     vehicles = vehicles_of(tmp_path, steps)
-    for _ in range(50):
-        (x_m, y_m), t_s = random.uniform(-200, 200, 2), np.array([random.uniform(0, 6)])
-        stretches = vehicles.near(x_m - 50, y_m - 50, x_m + 50, y_m + 50, times_s=t_s)
-        everybody = np.arange(len(vehicles.vehicle))
-        places = vehicles.at(everybody, t_s)
-        inside = (np.abs(places.east_m - x_m) <= 50) & (np.abs(places.north_m - y_m) <= 50)
-        expected = set(everybody[places.there & inside].tolist())
-        assert expected <= set(stretches.tolist()) and len(stretches) < len(everybody)
+    x_m, y_m = random.uniform(-200, 200, (2, 50))
+    t_s = random.uniform(0, 6, 50)
+    query, row = vehicles.near(x_m, y_m, t_s, 1e9)
+    there = vehicles.at(row, t_s[query])
+    is_near = np.hypot(there.east_m - x_m[query], there.north_m - y_m[query]) <= 50
+    everybody = set(zip(query.tolist(), row.tolist(), strict=True))
+    expected = set(zip(query[is_near].tolist(), row[is_near].tolist(), strict=True))
+    query, row = vehicles.near(x_m, y_m, t_s, 50.0)
+    nearby = set(zip(query.tolist(), row.tolist(), strict=True))
+    assert expected <= nearby < everybody and len(nearby) < 2 * len(expected)
+    assert (np.diff(query) >= 0).all()
 
 
 @pytest.mark.parametrize(
@@ -130,7 +141,7 @@ def test_who_may_be_near_includes_everybody_who_is(tmp_path):
     ],
 )
 def test_types_are_recognised_by_words(name, label):
-    assert type_named(name).label == label
+    assert (type_named(name) or USUAL).label == label
 
 
 def test_every_type_has_a_class_and_is_longer_than_wide():

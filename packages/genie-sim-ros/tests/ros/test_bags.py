@@ -111,6 +111,10 @@ def test_a_laser_under_which_no_ground_is_found_is_told(
     bag = street(tmp_path / "street.bag", laser_m).write()
     perceive_bag(bag, detections=OBJECTS, report=report)
     assert any("show no ground" in line for line in report.lines()) == is_told
+    of_height = ImportReport("street")
+    told = perceive_bag(bag, detections=OBJECTS, laser_height_m=laser_m, report=of_height)
+    assert not any("show no ground" in line for line in of_height.lines())
+    assert all("hsv" in frame.features for frames in told.frames.values() for frame in frames)
 
 
 def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):

@@ -1,0 +1,151 @@
+"""A scene: what there is to see for all cars, and what they are judged by."""
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.data.frame_source import Drives
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
+from genie_sim.worlds.scene.objects import Flags, ObjectColumns, SceneObject
+from genie_sim.worlds.scene.surrogate import LAWS
+from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
+
+if TYPE_CHECKING:
+    from genie_sim.worlds.scene.frames import SceneDrive, SceneFrame
+
+
+class SceneVisibility(Protocol):
+    """Where the objects of a scene are at any time."""
+
+    def visible(self, poses: ViewPoses) -> VisibleObjects:
+        """What is in view from some poses: not hidden, in the field of view, near enough. Fastest
+        if the poses are near each other.
+        """
+
+    def are_there(
+        self,
+        labels: Sequence[str],
+        east_m: Array,
+        north_m: Array,
+        *,
+        t_s: Array,
+        tolerance_m: float,
+    ) -> Flags:
+        """Whether anything of the class of each label (n,) is within a distance [m] of each place
+        (n,) at its time (n,), whether it can be seen or not.
+        """
+
+
+class Scene:
+    """Objects, where they are at any time of the scene's clock, and how a detector sees them.
+
+    A subclass gives ``digest``, ``objects``, ``visibility``, ``are_moving`` and ``facts``. The same
+    ``digest`` is the same scene: the sha256 of all that decides what cameras see.
+    """
+
+    name: ClassVar[str]
+    origin: ClassVar[Geodetic]
+    """Where east and north are 0: latitude [deg], longitude [deg], altitude [m]."""
+
+    on_grid: ClassVar[bool] = False
+    """Whether all cars drive east, west, north or south, but for their turns."""
+
+    digest: str
+    objects: ObjectColumns
+    visibility: SceneVisibility
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self.laws: FittedLaws = synthetic_laws()
+
+    @functools.cached_property
+    def detector(self) -> SyntheticDetector:
+        """The detector of every camera."""
+        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid)
+
+    def knows(self, label: str) -> bool:
+        """Whether objects of a class would be among ``objects`` if they were there."""
+        return True
+
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject]:
+        """The real ones of the objects that are visible from some poses, as they are at each pose's
+        time [s].
+        """
+        is_real = self.objects.real[visible.row]
+        visible = VisibleObjects._make(column[is_real] for column in visible)
+        objects, row = self.objects, visible.row
+        columns = (
+            objects.label[row],
+            objects.number[row] - visible.number_offset,
+            self.are_moving(visible, t_s),
+            visible.east_m,
+            visible.north_m,
+            objects.up_m[row],
+        )
+        return [SceneObject(*of) for of in zip(*(c.tolist() for c in columns), strict=True)]
+
+    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
+        """Which of the visible objects (n,) move at their poses' times [s]."""
+        raise NotImplementedError
+
+    def facts(self) -> Mapping[str, object]:
+        """What the scene is made from, besides its seed."""
+        raise NotImplementedError
+
+    def provenance(self) -> dict[str, object]:
+        """Where it comes from, for ``run.json``."""
+        return {
+            "source": self.name,
+            **self.facts(),
+            "seed": self.seed,
+            "laws": dict(self.laws.provenance),
+            "laws_digest": self.laws.digest,
+            "features": dict.fromkeys(LAWS, "surrogate"),
+        }
+
+
+class SceneTruth:
+    """What is really there on all drives through a scene: an object that is held is right within
+    ``tolerance_m`` of one of its class, and objects up to ``range_m`` away count.
+    """
+
+    def __init__(self, scene: Scene, tolerance_m: float, range_m: float) -> None:
+        self._scene, self.tolerance_m, self.range_m = scene, tolerance_m, range_m
+
+    def knows(self, label: str) -> bool:
+        return self._scene.knows(label)
+
+    def visible(self, frame: "SceneFrame") -> Sequence[SceneObject]:
+        return frame.truth()
+
+    def are_there(
+        self, frames: Sequence["SceneFrame"], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Flags:
+        t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
+        return self._scene.visibility.are_there(
+            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
+        )
+
+
+class SceneDrives(Drives):
+    """A scene with the drives of cars through it, and one truth for all of them."""
+
+    seeded = True
+
+    def __init__(self, scene: Scene, *, tolerance_m: float, range_m: float) -> None:
+        self.scene = scene
+        self._truth = SceneTruth(scene, tolerance_m, range_m)
+
+    def digests(self) -> Mapping[str, str]:
+        return {self.scene.name: self.scene.digest}
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        return {self.scene.name: self.scene.provenance()}
+
+    def truth_of(self, drive: "SceneDrive") -> SceneTruth:
+        drive.is_judged = True
+        return self._truth
