@@ -156,14 +156,10 @@ def _studied(
     methods: Sequence[str] = (),
     label: str = "",
     shard: Sequence[int] = (1, 1),
-    described: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Runs a study; ``where`` it comes from begins errors, what was ``described``
-    without a file is kept beside the results as one. Raises ``UserError``.
-    """
-    from genie_sim.study.design import write_described
-    from genie_sim.study.study import AS_FILE, Study
+    """Runs a study; ``where`` it comes from begins errors. Raises ``UserError``."""
+    from genie_sim.study.study import Study
 
     _check_jobs(jobs)
     if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
@@ -182,8 +178,6 @@ def _studied(
         scenarios = [run.scenario for run in study.plan.runs.values()]
         workers = _workers(jobs, scheduler, scenarios)
         study.run(workers, (shard[0], shard[1]), progress)
-        if described:
-            write_described(study.folder / AS_FILE, described, methods)
         study.finish(output)
         studied = kinds.load(study.folder)
     if out is not None:
@@ -300,7 +294,6 @@ def sweep(
         else fixed_settings(_overrides(settings))
     )
     more = {"samples": plain(samples, "samples"), "seeds": plain(seeds, "seeds")}
-    given: dict[str, Any] = {}
     if axes is None:
         design = load_design(scenario, fixed, more)
         where = str(files.find(files.SWEEP, scenario))
@@ -317,7 +310,6 @@ def sweep(
         methods=names,
         label=label,
         shard=shard,
-        described=given,
         progress=progress,
     )
     return swept

@@ -7,10 +7,10 @@ import click
 from genie_sim.base.text import one_line
 from genie_sim.cli.arguments import (
     PATH,
-    own_code_option,
     labels_option,
     listed,
     metrics_option,
+    own_code_option,
     shown_methods_option,
     table_format_option,
 )

@@ -10,8 +10,8 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
     PATH,
-    own_code_option,
     listed,
+    own_code_option,
     shown_methods_option,
 )
 

@@ -8,9 +8,9 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import arguments, completion
 from genie_sim.cli.arguments import (
     PATH,
-    own_code_option,
     labels_option,
     listed,
+    own_code_option,
     results_argument,
     shown_methods_option,
 )

@@ -6,10 +6,10 @@ import click
 
 from genie_sim.cli.arguments import (
     PATH,
-    own_code_option,
     labels_option,
     listed,
     metrics_option,
+    own_code_option,
     results_argument,
     shown_methods_option,
     table_format_option,
