@@ -292,6 +292,7 @@ def test_a_result_folder_that_lost_a_table_is_named():
         "street_1car_homo",
         {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]},
         out="out",
+        report=False,
     ).folder
     (folder / "objects.parquet").unlink()
     with pytest.raises(gs.UserError, match=r"objects\.parquet: no such file"):

@@ -88,7 +88,7 @@ BAD = {
     "an unknown recording": (
         "methods:",
         "cameras: [{name: a, recording: '07'}]\nmethods:",
-        "cameras[0].recording: unknown recording '07'; known: 02, 03",
+        "cameras[0].recording: unknown recording '07'",
     ),
 }
 

@@ -133,6 +133,7 @@ def test_home_is_found_in_the_environment(variable, capsys, monkeypatch):
     assert "~" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_library_finds_home_too(monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
     run = gs.run("street_1car_homo", SHORT, out="~/lab", report=False)
@@ -360,7 +361,14 @@ def test_an_output_replaces_nothing_but_its_own_kind(command, folder, capsys):
     assert {path: path.read_bytes() for path in before} == before
 
 
-@pytest.mark.parametrize("command", sorted(OUTPUTS.keys() - {"profile"}))
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "report" else ())
+        for name in OUTPUTS
+        if name != "profile"
+    ],
+)
 def test_an_output_replaces_its_own_kind_and_an_empty_file(command, folder):
     link_rates(Path("link.csv"))
     Path("out.svg").touch()

@@ -151,6 +151,7 @@ def test_a_text_of_a_user_is_text_on_the_screen(lab, capsys):
     assert LABEL in check_screen(capsys)
 
 
+@pytest.mark.slow
 def test_a_text_of_somebody_s_evaluation_is_text(capsys):
     folder = copied(REPOSITORY / "results" / "paper", Path("paper"))
     rows = provenance.read_json(folder / "verdicts.json")

@@ -89,12 +89,9 @@ def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
     [
         (
             ["loca"],
-            (
-                r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: .*, local,"
-                r" mine,"
-            ),
+            r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\).* mine,",
         ),
-        (["local", ""], r"^--methods x: unknown method ''; known: "),
+        (["local", ""], r"^--methods x: unknown method ''"),
         ([" local"], r"^--methods x: unknown method ' local' \(did you mean 'local'\?\)"),
         (["local", "local"], r"^--methods x: duplicate name 'local'$"),
     ],
