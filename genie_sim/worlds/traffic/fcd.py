@@ -245,7 +245,7 @@ def read_fcd(
         angle_deg=values[:, 2].copy(),
         report=report,
     )
-    report.dropped(
+    report.check_dropped(
         "rows",
         len(rows.step),
         len(rows.step) + sum(step.invalid for step in steps),
@@ -317,7 +317,7 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float) -> None:
         )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
-    report.times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
+    report.check_times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
 
 
 def _compare_ways(rows: VehicleRows, speeds_mps: Array) -> None:
@@ -340,7 +340,7 @@ def _compare_ways(rows: VehicleRows, speeds_mps: Array) -> None:
     steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
     drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
     angle_deg = rows.angle_deg[order][1:][pairs][drives]
-    report.heading(
+    report.check_heading(
         "vehicles: angle",
         angle_deg,
         steps_m=steps_m[drives],
@@ -360,4 +360,4 @@ def _compare_ways(rows: VehicleRows, speeds_mps: Array) -> None:
             report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
         elif not 1 / SAME_SPEED < times < SAME_SPEED:
             report.warn(text)
-    report.speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))
+    report.check_speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))

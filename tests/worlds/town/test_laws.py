@@ -251,6 +251,7 @@ def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frame
         assert validation.distance(real, from_town) < margin
 
 
+@pytest.mark.slow
 def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town_frames):
     """Of all detections of vehicles: Kolmogorov-Smirnov distance of ranges up to 0.12, of scores up
     to 0.2.
