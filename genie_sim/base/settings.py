@@ -28,7 +28,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
-from genie_sim.base.marks import ENDINGS, Bounds, Key, Matches, NotEmpty, OneOf, Short
+from genie_sim.base.marks import ENDINGS, Bounds, Key, Matches, NotEmpty, Short
 from genie_sim.base.plugins import Choice, Parameter
 from genie_sim.base.setting_errors import SettingError, join, must, quoted
 from genie_sim.base.units import Quantity
@@ -230,8 +230,7 @@ def _value(kind: Kind, value: Any, base: object = None) -> Any:
         return _class_value(kind.type, value, base)
     if kind.type is Literal:
         if value not in kind.arguments:
-            others = f", {kind.marks[OneOf].words}" if OneOf in kind.marks else ""
-            raise SettingError("", unknown(kind.name, value, kind.arguments) + others)
+            raise SettingError("", unknown(kind.name, value, kind.arguments))
         return value
     if Quantity in kind.marks and kind.type in (int, float):
         return _quantity(kind, value)
@@ -293,12 +292,11 @@ def _member(kind: Kind, value: object) -> Kind:
     for member in kind.members:
         if _fits(member, value):
             return member
-    if OneOf in kind.marks:
-        named = [
-            word for member in kind.members if member.type is Literal for word in member.arguments
-        ]
-        raise must(f"be {', '.join([*named, kind.marks[OneOf].words])}", value)
-    return next(member for member in kind.members if member.type is not NoneType)
+    first, *others = [member for member in kind.members if member.type is not NoneType]
+    if not others:
+        return first
+    words = [member.plain.words if member.plain else "a mapping" for member in (first, *others)]
+    raise must(f"be {' or '.join(words)}", value)
 
 
 def _quantity(kind: Kind, value: Any) -> float:

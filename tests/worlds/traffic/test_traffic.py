@@ -230,7 +230,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
         ({"equipped": ["a", "a"]}, "perception.equipped: names a vehicle twice"),
         ({"equipped": 1e-9}, "perception.equipped: none of 5 vehicles is equipped"),
         ({"equipped": 0}, "perception.equipped: must be"),
-        ({"equipped": "all"}, "perception.equipped: must be a share from 0 to 1 or a list of ids"),
+        ({"equipped": "all"}, "perception.equipped: must be a number or a list"),
         ({"begin": "200 s"}, "begin: 200 s is after the last time step, 104 s"),
         ({"interval": "0 s"}, "perception.interval: must be more than zero"),
         (
