@@ -12,7 +12,7 @@ from pathlib import Path
 
 import nox
 
-nox.options.sessions = ["lint", "types", "test", "rest", "ros"]
+nox.options.sessions = ["lint", "types", "test", "rest", "processes"]
 nox.options.reuse_existing_virtualenvs = True
 
 # What python -m pytest leaves out (tests/README.md), in two parts.
@@ -62,29 +62,25 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def rest(session: nox.Session) -> None:
-    """What the fast tests leave out, and the tools, but nothing that takes minutes. What is missing
-    on this machine is skipped.
+    """What the fast tests leave out, the tools and the add-on for ROS, but no test that starts
+    processes or takes minutes. What is missing on this machine is skipped.
     """
-    install(session, ".[test]")
+    install(session, ".[test]", f"./{ADD_ON}[test]")
     pytest = ("python", "-m", "pytest", *session.posargs)
     passed = [
         status_of(session, *pytest, "--durations=15", "-m", REST) == 0,
-        processes_pass(session, "tests"),
         status_of(session, *pytest, "-m", "not nightly", "tools") == 0,
+        status_of(session, *pytest, "-m", f"not ({PROCESSES}) and not nightly", ADD_ON) == 0,
     ]
     if not all(passed):
         session.error("Some tests failed; see above.")
 
 
 @nox.session
-def ros(session: nox.Session) -> None:
-    """All tests of the add-on for ROS, but nothing that takes minutes."""
+def processes(session: nox.Session) -> None:
+    """Tests of processes and networks, also those of the add-on for ROS."""
     install(session, ".[test]", f"./{ADD_ON}[test]")
-    quick = f"not ({PROCESSES}) and not nightly"
-    passed = [
-        status_of(session, "python", "-m", "pytest", *session.posargs, "-m", quick, ADD_ON) == 0,
-        processes_pass(session, ADD_ON),
-    ]
+    passed = [processes_pass(session, folder) for folder in ("tests", ADD_ON)]
     if not all(passed):
         session.error("Some tests failed; see above.")
 
@@ -93,7 +89,9 @@ def processes_pass(session: nox.Session, folder: str) -> bool:
     """Whether the tests of processes and networks pass. They wait for other programs: those that
     fail beside others run once more, alone, and both runs are printed.
     """
-    pytest = ("python", "-m", "pytest", "--durations=15", *session.posargs, "-m", PROCESSES, folder)
+    own = ("-o", "cache_dir=.pytest_cache/processes")  # of what failed; other tests run beside
+    chosen = ("-m", PROCESSES, folder)
+    pytest = ("python", "-m", "pytest", "--durations=15", *own, *session.posargs, *chosen)
     status = status_of(session, *pytest)
     if not status:
         return True
@@ -133,7 +131,7 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Times the simulator and fleets; prints the tables of docs/speed.md."""
+    """Times the simulator, fleets and peers; prints the tables of docs/speed.md."""
     install(session, ".[test]")
     session.run("python", "-m", "benchmarks.speed", *session.posargs)
 

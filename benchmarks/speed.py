@@ -1,9 +1,11 @@
-"""How long a user waits for genie-sim, and what its simulation costs beside plain SimPy.
+"""How long a user waits for genie-sim, and what its simulation costs beside plain SimPy and other
+simulators.
 
-    python benchmarks/speed.py [--quick] [--also PART ...] [--markdown]
+    python benchmarks/speed.py [--quick] [--peers PYTHON] [--also PART ...] [--markdown]
 
-``--quick`` takes less than a minute, all of it a few. ``--also`` measures what takes long:
-``reproduce``, ``fleet_1000``, ``sweep``. ``--markdown`` writes the tables of docs/speed.md anew.
+``--quick`` takes less than a minute, all of it a few. ``--peers`` names a Python that has leafsim,
+ciw and salabim; what it lacks is left out. ``--also`` measures what takes long: ``reproduce``,
+``fleet_1000``, ``sweep``. ``--markdown`` writes the tables of docs/speed.md anew.
 
 What is compared takes turns, round by round; tables have the medians of the rounds, and the ratios
 of these.
@@ -29,7 +31,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks import plain_simpy
-from benchmarks.plain_simpy import Fleet, Frame
+from benchmarks.peers import PEERS, run_peer
+from benchmarks.plain_simpy import Answer, Fleet, Frame
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
 from genie_sim.links.wire import Wire
@@ -49,7 +52,6 @@ CARS_AN_EDGE = 10
 DRIVE_S = 2.0  # of a fleet's car, on each lap
 STARTS_S = 12  # of the 15.4 s long drive; where on it a fleet's cars may start
 NOT_MEASURED = "not measured"
-PLAIN = "plain SimPy, by hand"
 PARTS = ("reproduce", "fleet_1000", "sweep")
 Block = str  # a part of the page
 
@@ -316,25 +318,72 @@ def _frames(setup: Any, car: Any, camera: Any) -> Iterator[Frame]:
             )
 
 
-def plain_us(plain: Fleet) -> float:
-    """Processor time of a frame in plain SimPy [us]."""
-    return 1e6 * timed(partial(plain_simpy.simulate, plain))[0] / plain.frames
+def answers_of(prepared: Prepared) -> list[Answer]:
+    """The answers that genie-sim gives."""
+    columns = simulate(prepared)["frames"].columns()
+    names = ("car", "stream", "stamp_ns", "result_answer_ns")
+    rows = zip(*(columns[name].tolist() for name in names), strict=True)
+    return [
+        (str(car), str(stream), int(stamp_ns), int(answer_ns))
+        for car, stream, stamp_ns, answer_ns in rows
+        if answer_ns == answer_ns and answer_ns is not None
+    ]
 
 
-def like_for_like(sizes: Sizes) -> Block:
-    """genie-sim's ``remote`` beside plain SimPy, with the same fleets."""
+def like_for_like(sizes: Sizes, peers_python: str) -> Block:
+    """genie-sim's ``remote`` beside plain SimPy and other simulators, with the same fleets."""
     rows = []
-    for cars, laps in sizes.fleets.items():
-        prepared = prepare(fleet(cars, "remote", laps, cameras=1))
-        plain = plain_fleet(prepared)
-        cases = {PLAIN: partial(plain_us, plain), "genie-sim": partial(frame_us, prepared)}
-        costs_us = in_turn(sizes.rounds, cases)
-        rows += [
-            (f"{cars:,}", name, f"{us:.1f}", f"{us / costs_us[PLAIN]:.2f}")
-            for name, us in costs_us.items()
-        ]
-    header = ("cars", "simulator", "processor time of a frame [µs]", "over plain SimPy's")
+    for cars, times in sizes.fleets.items():
+        rows += compared(cars, times, sizes.rounds, peers_python)
+    header = (
+        "cars",
+        "simulator",
+        "processor time of a frame [µs]",
+        "over plain SimPy's",
+        "frames answered",
+        "of plain SimPy's answers",
+    )
     return markdown(header, rows, texts=2)
+
+
+def compared(cars: int, times: int, rounds: int, peers_python: str) -> list[tuple[str, ...]]:
+    """The rows of one fleet, whose cars drive so many laps."""
+    prepared = prepare(fleet(cars, "remote", times, cameras=1))
+    plain = plain_fleet(prepared)
+    by_hand, ours = "plain SimPy, by hand", "genie-sim"
+    expected = set(plain_simpy.simulate(plain))
+    answers = {by_hand: expected, ours: set(answers_of(prepared))}
+    skipped: dict[str, str] = {}
+
+    def simpy_us() -> float:
+        return 1e6 * timed(lambda: plain_simpy.simulate(plain))[0] / plain.frames
+
+    def peer_us(name: str) -> float:
+        answer = run_peer(peers_python, name, plain)
+        if "skipped" in answer:
+            skipped[title(name)] = answer["skipped"]
+            return float("nan")
+        answers[title(name)] = {tuple(one) for one in answer["answers"]}
+        return float(1e6 * answer["cpu_s"] / plain.frames)
+
+    cases: dict[str, Callable[[], float]] = {by_hand: simpy_us, ours: lambda: frame_us(prepared)}
+    costs_us = in_turn(rounds, cases | {title(name): partial(peer_us, name) for name in PEERS})
+    rows = []
+    for name, us in costs_us.items():
+        if name in skipped:
+            rows.append((f"{cars:,}", name, skipped[name], "", "", ""))
+        else:
+            share = f"{len(answers[name]) / plain.frames:.0%}"
+            same = len(answers[name] & expected) / len(expected)
+            same_text = "all" if answers[name] == expected else f"{same:.0%}"
+            rows.append(
+                (f"{cars:,}", name, f"{us:.1f}", f"{us / costs_us[by_hand]:.2f}", share, same_text)
+            )
+    return rows
+
+
+def title(peer: str) -> str:
+    return {"leafsim": "LEAF", "ciw": "Ciw"}.get(peer, peer)
 
 
 # Growth
@@ -386,11 +435,13 @@ def about(command: str) -> Block:
     return "\n".join(f"- {what}: {text}" for what, text in lines.items())
 
 
-def measure(sizes: Sizes, command: str, also: Sequence[str]) -> Iterator[tuple[str, Block]]:
+def measure(
+    sizes: Sizes, command: str, peers_python: str, also: Sequence[str]
+) -> Iterator[tuple[str, Block]]:
     """Every table, by the name of its place in the page."""
     yield "waits", waits(sizes.rounds, also)
     yield "frames", costs(sizes)
-    yield "simpy", like_for_like(sizes)
+    yield "peers", like_for_like(sizes, peers_python)
     yield "growth", growth(sizes)
     yield "machine", about(command)
 
@@ -399,6 +450,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("--quick", action="store_true", help="less of all: less than a minute")
     parser.add_argument(
+        "--peers", default=sys.executable, metavar="PYTHON", help="has leafsim, ciw, salabim"
+    )
+    parser.add_argument(
         "--also", nargs="+", default=(), choices=PARTS, metavar="PART", help=", ".join(PARTS)
     )
     parser.add_argument("--markdown", action="store_true", help="write docs/speed.md anew")
@@ -406,7 +460,7 @@ def main() -> None:
     command = "python benchmarks/speed.py" + " --quick" * given.quick
     command += f" --also {' '.join(given.also)}" if given.also else ""
     blocks = {}
-    for name, block in measure(QUICK if given.quick else FULL, command, given.also):
+    for name, block in measure(QUICK if given.quick else FULL, command, given.peers, given.also):
         blocks[name] = block
         print(f"\n{name}\n\n{block}", flush=True)
     if given.markdown:

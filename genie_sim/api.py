@@ -156,14 +156,10 @@ def _studied(
     methods: Sequence[str] = (),
     label: str = "",
     shard: Sequence[int] = (1, 1),
-    described: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Runs a study; ``where`` it comes from begins errors, what was ``described``
-    without a file is kept beside the results as one. Raises ``UserError``.
-    """
-    from genie_sim.study.design import write_described
-    from genie_sim.study.study import AS_FILE, Study
+    """Runs a study; ``where`` it comes from begins errors. Raises ``UserError``."""
+    from genie_sim.study.study import Study
 
     _check_jobs(jobs)
     if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
@@ -182,8 +178,6 @@ def _studied(
         scenarios = [run.scenario for run in study.plan.runs.values()]
         workers = _workers(jobs, scheduler, scenarios)
         study.run(workers, (shard[0], shard[1]), progress)
-        if described:
-            write_described(study.folder / AS_FILE, described, methods)
         study.finish(output)
         studied = kinds.load(study.folder)
     if out is not None:
@@ -199,16 +193,15 @@ def _output(report: bool, figures: bool) -> Output:
 
 
 @typed
-def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | Sweep | Reproduction":
+def load(folder: str | Path) -> "Run | Runs | Sweep | Reproduction":
     """What a result folder holds: a run, the runs of several seeds, a sweep, or the paper's
     evaluation. Each has ``metrics``, ``figures()``, ``text()``, ``report()``, ``compare()`` and
     ``rerun()``; see ``report.result.Result``.
 
     Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
-    changed since they were written. With ``allow_changed`` these are read all the same; the
-    result's ``changed`` names them, and every table, figure and page made of it says so.
+    changed since they were written.
     """
-    loaded: Any = kinds.load(expanded(folder), allow_changed=allow_changed)
+    loaded: Any = kinds.load(expanded(folder))
     return loaded  # type: ignore[no-any-return]
 
 
@@ -218,21 +211,19 @@ def compare(
     methods: Sequence[str] | str = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
-    allow_changed: bool = False,
 ) -> Comparison:
     """Compares results, or result folders, or the methods of one: differences with intervals, by
     seed where there are several of a setting, else by blocks of one second. Only seeds that all
     have are compared, and of sweeps and evaluations only the settings that all have.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the results are called,
-    in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
-    ``load``. Raises ``UserError`` for what cannot be compared.
+    in their order. ``metrics``: which, by default those that matter most. Raises ``UserError`` for
+    what cannot be compared.
     """
     if not results_:
         raise UserError("compare: expected at least one run, or its folder")
     in_hand: list[Any] = [
-        load(result, allow_changed=allow_changed) if isinstance(result, str | Path) else result
-        for result in results_
+        load(result) if isinstance(result, str | Path) else result for result in results_
     ]
     comparison = Comparison(in_hand, _names("methods", methods), labels, metrics)
     comparison.compared  # noqa: B018 - what cannot be compared is told at once
@@ -303,7 +294,6 @@ def sweep(
         else fixed_settings(_overrides(settings))
     )
     more = {"samples": plain(samples, "samples"), "seeds": plain(seeds, "seeds")}
-    given: dict[str, Any] = {}
     if axes is None:
         design = load_design(scenario, fixed, more)
         where = str(files.find(files.SWEEP, scenario))
@@ -320,7 +310,6 @@ def sweep(
         methods=names,
         label=label,
         shard=shard,
-        described=given,
         progress=progress,
     )
     return swept

@@ -4,6 +4,7 @@ into.
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import subprocess
@@ -15,15 +16,17 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from genie_sim.__main__ import OBJECTS_BETWEEN_COLLECTIONS
 from tests import tiers
 from tests.browser import Browser, installed
 from tests.checkout import REPOSITORY, CommandLine
 
+gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)  # as the program does: a tenth less CPU
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Without --jobs a command starts no processes: the tests keep every core busy themselves.
 os.environ["LOKY_MAX_CPU_COUNT"] = "1"
 os.environ["GENIE_SIM_PROGRESS"] = "off"  # lines of progress would come where a machine is slow
-settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
+settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("genie_sim")
 
 

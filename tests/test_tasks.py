@@ -15,7 +15,7 @@ TASKS = (
     "types",
     "test",
     "rest",
-    "ros",
+    "processes",
     "coverage",
     "docs",
     "bench",

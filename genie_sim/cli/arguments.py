@@ -182,23 +182,13 @@ def detector_settings(
     )
 
 
-def folder_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The options of every command that reads result folders; only what it asks for itself is
-    handed to it: ``allow_changed``.
-    """
-    changed = click.option(
-        "--allow-changed",
-        is_flag=True,
-        help="Read files that were changed since the results were written; what is made says so.",
-    )
-    own_code = click.option(
-        "--allow-own-code",
-        is_flag=True,
-        expose_value=False,
-        callback=_own_code,
-        help="Import classes that a folder names.",
-    )
-    return changed(own_code(command))
+own_code_option = click.option(  # of every command that reads result folders
+    "--allow-own-code",
+    is_flag=True,
+    expose_value=False,
+    callback=_own_code,
+    help="Import classes that a folder names.",
+)
 
 
 def refuse(mode: str, *names: str) -> None:

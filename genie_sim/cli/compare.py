@@ -7,10 +7,10 @@ import click
 from genie_sim.base.text import one_line
 from genie_sim.cli.arguments import (
     PATH,
-    folder_options,
     labels_option,
     listed,
     metrics_option,
+    own_code_option,
     shown_methods_option,
     table_format_option,
 )
@@ -29,7 +29,7 @@ from genie_sim.cli.arguments import (
 @labels_option
 @table_format_option
 @click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
-@folder_options
+@own_code_option
 def compare(
     *,
     folders: tuple[Path, ...],
@@ -38,7 +38,6 @@ def compare(
     labels: tuple[str, ...],
     format: str,
     out: Path | None,
-    allow_changed: bool,
 ) -> None:
     """Compare results, seed by seed.
 
@@ -54,7 +53,6 @@ def compare(
         methods=listed("--methods", methods),
         labels=labels,
         metrics=listed("--metrics", metrics),
-        allow_changed=allow_changed,
     )
     click.echo(comparison.text(format), nl=False)
     if format == "markdown":

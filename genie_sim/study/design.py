@@ -7,7 +7,6 @@ joint sample of the ``latin_hypercube`` axes; and each point is run with every s
 import hashlib
 import itertools
 import json
-import logging
 import math
 import re
 from collections import Counter
@@ -19,15 +18,14 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.marks import Bounds, Key, Name, NotEmpty
-from genie_sim.base.paths import atomic_write, read_text
+from genie_sim.base.paths import read_text
 from genie_sim.base.seeds import stream
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import plain_data
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.scenario.yaml_input import dump, parse, read_mapping
+from genie_sim.scenario.yaml_input import parse, read_mapping
 from genie_sim.version import VERSION
 
-log = logging.getLogger(__name__)
 MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
 MAX_SCENARIO = 70  # of a scenario's name, in the folder of its seeds
 # the one path of an axis that is no setting of a scenario but names another one
@@ -482,18 +480,6 @@ def load_design(
     if settings and isinstance(fixed, Mapping):
         data["set"] = {**fixed, **settings}
     return read_design(data, str(path))
-
-
-def write_described(path: Path, described: Mapping[str, Any], methods: Sequence[str]) -> None:
-    """Writes a sweep as a file, with the command that runs it again. One that was edited stays."""
-    text = dump(described)
-    if path.is_file() and read_text(path).partition("\n")[2] != text:
-        log.warning("%s: is not as it was written, and is left alone", path)
-        return
-    again = f"genie-sim sweep {path}" + (f" --methods {','.join(methods)}" if methods else "")
-    with atomic_write(path) as beside:
-        head = f"# To run it again: {again} --out {path.parent.parent}"
-        beside.write_text(f"{head}\n{text}", encoding="utf-8")
 
 
 def read_design(data: Mapping[str, Any], where: str) -> Design:

@@ -30,8 +30,6 @@ TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
 
-AS_FILE = "design.yaml"  # beside the results: a sweep that was described without a file
-
 
 class UnfinishedError(UserError):
     """Other shards of a study have not run yet."""

@@ -1,19 +1,20 @@
 """The speed benchmark compares what it says it compares. How fast anything is decides no test."""
 
+import sys
 from dataclasses import replace
 from itertools import count
 
 import pytest
 
-from benchmarks import plain_simpy, speed
-from benchmarks.plain_simpy import Answer, Fleet, Frame
-from benchmarks.speed import QUICK, Spent, fleet, plain_fleet
+from benchmarks import peers, plain_simpy, speed
+from benchmarks.plain_simpy import Fleet, Frame
+from benchmarks.speed import QUICK, Spent, answers_of, fleet, plain_fleet
 from genie_sim.base.errors import UserError
-from genie_sim.runs.prepare import Prepared, prepare
-from genie_sim.runs.simulate import simulate
+from genie_sim.runs.prepare import prepare
 from tools.page_tables import filled
 
 MS = 1_000_000
+NO_PYTHON = "/no/such/python"
 
 
 def one_car(*stamps_ms: int, detection_ms: int) -> Fleet:
@@ -36,18 +37,6 @@ def test_a_newer_frame_takes_the_place_of_one_that_waits():
     assert [(stamp // MS, answer // MS) for _, _, stamp, answer in answers] == [(0, 122), (60, 222)]
 
 
-def answers_of(prepared: Prepared) -> list[Answer]:
-    """The answers that genie-sim gives."""
-    columns = simulate(prepared)["frames"].columns()
-    names = ("car", "stream", "stamp_ns", "result_answer_ns")
-    rows = zip(*(columns[name].tolist() for name in names), strict=True)
-    return [
-        (str(car), str(stream), int(stamp_ns), int(answer_ns))
-        for car, stream, stamp_ns, answer_ns in rows
-        if answer_ns == answer_ns and answer_ns is not None
-    ]
-
-
 @pytest.mark.parametrize(("cars", "laps", "cameras"), [(3, 2, 1), (3, 1, 4), (25, 1, 4)])
 def test_plain_simpy_gives_the_very_same_answers_as_remote(cars: int, laps: int, cameras: int):
     """Three cars and one edge are not busy; four cameras each are too much for the edges."""
@@ -57,6 +46,23 @@ def test_plain_simpy_gives_the_very_same_answers_as_remote(cars: int, laps: int,
     assert sorted(answers) == sorted(answers_of(prepared))
     assert plain.frames == pytest.approx(20 * laps * cars * cameras, rel=0.1)
     assert len(answers) == plain.frames if cameras == 1 else len(answers) < 0.6 * plain.frames
+
+
+@pytest.mark.parametrize("name", peers.PEERS)
+def test_other_simulators_give_the_same_answers_where_nothing_is_dropped(name: str):
+    plain = plain_fleet(prepare(fleet(3, "remote", cameras=1)))
+    answer = peers.run_peer(sys.executable, name, plain)
+    if "skipped" in answer:
+        pytest.skip(f"{name}: {answer['skipped']}")
+    assert sorted(map(tuple, answer["answers"])) == sorted(plain_simpy.simulate(plain))
+
+
+@pytest.mark.process
+def test_a_peer_that_cannot_run_is_left_out_with_the_reason():
+    plain = one_car(0, detection_ms=1)
+    assert "No such file" in peers.run_peer(NO_PYTHON, "ciw", plain)["skipped"]
+    many = replace(plain, cameras=[plain.cameras[0] * (peers.MOST_FRAMES["ciw"] + 1)])
+    assert "minutes" in peers.run_peer(NO_PYTHON, "ciw", many)["skipped"]
 
 
 def test_cases_take_turns_round_by_round():
@@ -96,8 +102,8 @@ def test_a_command_is_measured_as_a_whole():
 def test_the_whole_benchmark_fills_the_page(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(speed, "genie_sim", lambda *_: Spent(1, 1, 1))
     sizes = replace(QUICK, laps=1, least_frames=1, fleets={3: 1}, growth=(2, 3))
-    blocks = dict(speed.measure(sizes, "python benchmarks/speed.py", ()))
+    blocks = dict(speed.measure(sizes, "python benchmarks/speed.py", NO_PYTHON, ()))
     text = filled(speed.PAGE.read_text(encoding="utf-8"), blocks)
     assert text.count(":begin -->") == len(blocks), "no place stays empty"
     assert all(block in text for block in blocks.values())
-    assert "| 3 | genie-sim |" in blocks["simpy"]
+    assert "| 3 | genie-sim |" in blocks["peers"] and "No such file" in blocks["peers"]

@@ -109,20 +109,19 @@ def test_options_of_several_commands():
         arguments.label_option,
         arguments.jobs_option,
         arguments.scheduler_option,
-        arguments.folder_options,
+        arguments.own_code_option,
     )
     with plugins.own_code_allowed(allowed=False):
         usual = given(asked)
-        chosen = given(asked, "--allow-own-code", "--allow-changed", "--jobs=1")
+        chosen = given(asked, "--allow-own-code", "--jobs=1")
     assert usual == {
         "seeds": None,
         "label": "",
         "jobs": None,
         "scheduler": None,
-        "allow_changed": False,
         "own_code": False,
     }
-    assert chosen["own_code"] and chosen["allow_changed"]
+    assert chosen["own_code"]
     assert chosen["jobs"] == 1
     with pytest.raises(click.BadParameter):
         given(asked, "--jobs=0")

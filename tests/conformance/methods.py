@@ -19,12 +19,14 @@ from tests.conformance import small
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "usual": {},
-    "lossy": {"cars": [small.car(1, link={"like": "wifi", "loss": 0.2}), small.car(2, link="lte")]},
-    "long queues": {"queue_length": 3},
-    "outage": {
-        "faults": [{"fault": "outage", "target": "edge1", "begin": "500 ms", "end": "900 ms"}]
+    "lossy, long queues": {
+        "cars": [small.car(1, link={"like": "wifi", "loss": 0.2}), small.car(2, link="lte")],
+        "queue_length": 3,
     },
-    "one edge": {"cars": [small.car(1), small.car(2, edge="edge1")]},
+    "one edge, outage": {
+        "cars": [small.car(1), small.car(2, edge="edge1")],
+        "faults": [{"fault": "outage", "target": "edge1", "begin": "500 ms", "end": "900 ms"}],
+    },
 }
 
 
@@ -53,7 +55,7 @@ class MethodConformance:
         name = from_plain(MethodEntry, method).name
         first, *others = [other for other in small.ALL if other != method]
         alone, between, without = (
-            small.rows(run("lossy", *methods))
+            small.rows(run("lossy, long queues", *methods))
             for methods in ([method], [first, method, *others], [first, *others])
         )
         small.same(small.of(name, alone), small.of(name, between))

@@ -18,8 +18,8 @@ from genie_sim.worlds.scene.laws import (
     FittedLaws,
     quantile,
 )
-from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
-from genie_sim.worlds.scene.view import Bits, ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, Bits, ObjectColumns
+from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
 # What is written as ``placed_by`` of the detections in towns and traffic: kept runs have it so.
 PLACED_BY = "town"
@@ -72,7 +72,6 @@ class SyntheticDetector:
         """
         self._objects, self._laws, self._on_grid = objects, laws, on_grid
         self._normals = np.array(noise.normals())
-        self._prone = np.array([group.prone for group in laws.groups])
 
     def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
         """What the detector finds of the objects in view from some poses."""
@@ -157,14 +156,12 @@ class SyntheticDetector:
     def _labels(self, row: Ints, looks: _LookColumns) -> Any:
         """What the detector calls some objects."""
         labels = self._objects.label[row]
-        is_prone = keys.OBJECT_PRONE.of(self._objects.key[row]) < self._prone[looks.group]
+        is_prone = keys.OBJECT_PRONE.of(self._objects.key[row]) < self._laws.prone[looks.group]
         prone = np.flatnonzero(is_prone)
         draws = keys.LOOK_NAME.of(looks.key[prone]).tolist()
         for look, draw in zip(prone.tolist(), draws, strict=True):
-            for limit, name in self._laws.groups[looks.group[look]].names:
-                if draw < limit:
-                    labels[look] = name
-                    break
+            called = (name for limit, name in self._laws.names if draw < limit)
+            labels[look] = next(called, labels[look])
         return labels
 
 

@@ -180,8 +180,7 @@ class FrameBatch:
         """What is really in view in one of the frames."""
         begin, end = self._visible.pose.searchsorted((pose, pose + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
-        objects = self.drive.scene.truth(visible, self._poses.t_s)
-        return tuple(item for item in objects if item is not None)
+        return tuple(self.drive.scene.truth(visible, self._poses.t_s))
 
 
 def _rounded(values: Iterable[float], decimals: int) -> Array:

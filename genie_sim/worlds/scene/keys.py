@@ -52,8 +52,8 @@ MEMBER, STREAM, STREET = BitField(0, 32), BitField(32, 4), BitField(36, 28)
 MIDDLE_MEMBER = 1 << MEMBER.bits - 1
 
 
-def mix(key: int) -> int:
-    """64 well-mixed bits of a key."""
+def mix(key: Any) -> Any:
+    """64 well-mixed bits of a key, an int or an array of uint64."""
     key = (key + 0x9E3779B97F4A7C15) & MASK
     key = ((key ^ (key >> 30)) * MULTIPLIER) & MASK
     key = ((key ^ (key >> 27)) * 0x94D049BB133111EB) & MASK
@@ -65,14 +65,10 @@ def seed_key(scene: str, seed: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{scene} {seed}".encode()).digest()[:8], "big")
 
 
-def object_key(of_seed: int, number: int) -> int:
-    """The key of an object by its number, in the scene of a seed's key."""
-    return mix(of_seed ^ mix(number))
-
-
 def frame_key(of_car: int, camera: str, index: int) -> int:
     """The key of a frame of one of a car's cameras, "02" or "03"."""
-    return mix(of_car ^ index << 8 ^ int(camera))
+    key: int = mix(of_car ^ index << 8 ^ int(camera))
+    return key
 
 
 def look_keys(of_objects: Any, of_frames: Any) -> Any:
@@ -83,7 +79,8 @@ def look_keys(of_objects: Any, of_frames: Any) -> Any:
 
 def crossing_key(east: int, north: int) -> int:
     """The key of the crossing of two streets of a town, by their numbers."""
-    return mix(east << 20 | north)
+    key: int = mix(east << 20 | north)
+    return key
 
 
 def object_number(northbound: bool, street: int, stream: int, member: int) -> int:

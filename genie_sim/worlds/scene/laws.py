@@ -67,22 +67,6 @@ class Copula(NamedTuple):
     table: Array
 
 
-class GroupLaws(NamedTuple):
-    """What one group's objects have of the laws: the ``number`` of the group in the copulas, and
-    the weights of what stays with an object in its score and in its errors along and across.
-
-    An object whose ``OBJECT_PRONE`` is below ``prone`` gets another label at times: the first of
-    ``names`` whose number is above the look's ``LOOK_NAME``, if there is one.
-    """
-
-    number: int
-    score_weight: float
-    along_weight: float
-    across_weight: float
-    prone: int = 0
-    names: tuple[tuple[int, str], ...] = ()
-
-
 class FleetingLaw(NamedTuple):
     """Fleeting false positives, which are seen once: how many per frame; quantiles of their ranges
     [m] and of their scores.
@@ -97,14 +81,18 @@ class FleetingLaw(NamedTuple):
 class FittedLaws:
     """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting
     ones. A score of 0 is a miss.
+
+    An object whose ``OBJECT_PRONE`` is below the number ``prone`` of its group (groups,) gets
+    another label at times: the first of ``names`` whose number is above the look's ``LOOK_NAME``,
+    if there is one.
     """
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
         # what towns are made from, so that other laws are another town
         self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
-        real = fitted["groups"]
-        lasting = {name: ghosts for name, ghosts in fitted["ghosts"].items() if ghosts["places"]}
+        real, ghosts = fitted["groups"], fitted["ghosts"]
+        lasting = {name: of for name, of in ghosts.items() if of["places"]}
         groups = [*real.values(), *lasting.values()]
         self.score = _copula(
             [group["score_correlation"] for group in groups],
@@ -118,16 +106,17 @@ class FittedLaws:
             for name in ("along", "across")
         )
         smooth_normals.cache_clear()  # the copulas have their rows by now, and they are large
-        self.groups = [self._group(number) for number in range(len(groups))]
-        vehicles = list(real).index("vehicles")
-        self.groups[vehicles] = _renamed(self.groups[vehicles], fitted["vehicle_names"])
-        self._real: dict[str, GroupLaws] = dict(zip(real, self.groups, strict=False))
-        self._ghosts: dict[str, GroupLaws] = dict(
-            zip(lasting, self.groups[len(real) :], strict=True)
-        )
-        ghosts = [(GROUPS[name][0], group) for name, group in sorted(fitted["ghosts"].items())]
+        of_groups = [(name, True) for name in real] + [(name, False) for name in lasting]
+        self._groups = {kind: number for number, kind in enumerate(of_groups)}
+        renamed = fitted["vehicle_names"]
+        self.prone = np.zeros(len(groups), dtype=np.int64)
+        self.prone[self.group_of("car")] = round(renamed["prone"] * (1 << OBJECT_PRONE.bits))
+        limits = accumulate(round(share * (1 << LOOK_NAME.bits)) for _, share in renamed["names"])
+        names = [str(name) for name, _ in renamed["names"]]
+        self.names = tuple(zip(limits, names, strict=True))
+        labelled = [(GROUPS[name][0], group) for name, group in sorted(ghosts.items())]
         self.ghosts_per_100m = {
-            label: float(group["per_100m"]) for label, group in ghosts if group["places"]
+            label: float(group["per_100m"]) for label, group in labelled if group["places"]
         }
         self.fleeting = tuple(
             FleetingLaw(
@@ -136,32 +125,14 @@ class FittedLaws:
                 tuple(group["fleeting_range_m"]),
                 tuple(group["fleeting_scores"]),
             )
-            for label, group in ghosts
+            for label, group in labelled
         )
 
-    def _group(self, number: int) -> GroupLaws:
-        return GroupLaws(
-            number=number,
-            score_weight=float(self.score.object_weight[number]),
-            along_weight=float(self.along.object_weight[number]),
-            across_weight=float(self.across.object_weight[number]),
-        )
-
-    def of(self, label: str, real: bool = True) -> GroupLaws:
-        """The laws for a class. Lights, signs, furniture and bicycles have no labels in KITTI that
+    def group_of(self, label: str, real: bool = True) -> int:
+        """The group of a class. Lights, signs, furniture and bicycles have no labels in KITTI that
         the detector could be judged by: they follow the laws of persons, which is assumed.
         """
-        group = "vehicles" if label in VEHICLES else "persons"
-        return (self._real if real else self._ghosts)[group]
-
-
-def _renamed(vehicles: GroupLaws, fitted: Mapping[str, Any]) -> GroupLaws:
-    """The laws of vehicles, some of which get other names at times."""
-    running = accumulate(round(share * (1 << LOOK_NAME.bits)) for _, share in fitted["names"])
-    names = tuple(
-        (share, str(name)) for share, (name, _) in zip(running, fitted["names"], strict=True)
-    )
-    return vehicles._replace(prone=round(fitted["prone"] * (1 << OBJECT_PRONE.bits)), names=names)
+        return self._groups["vehicles" if label in VEHICLES else "persons", real]
 
 
 @functools.cache
@@ -210,29 +181,24 @@ def _score_table(fitted: Mapping[str, Any]) -> Array:
     """Scores (RANGES, steps of z) from the fitted probabilities of a miss and quantiles."""
     miss = _by_range(fitted["range_m"], fitted["miss"])[:, None]
     quantiles = _quantiles_by_range(fitted["range_m"], fitted["scores"])
-    share = (_share(0.5) - miss) / (1.0 - miss)
+    share = (_shares() - miss) / (1.0 - miss)
     levels = np.linspace(0.0, 1.0, quantiles.shape[1])
     scores = np.array([np.interp(u, levels, row) for u, row in zip(share, quantiles, strict=True)])
-    return _table(np.where(_share(0.5) > miss, scores, 0.0), SCORE_DECIMALS)
+    scores[_shares() <= miss] = 0.0
+    return scores.round(SCORE_DECIMALS)
 
 
 def _place_table(fitted: Mapping[str, Any], name: str) -> Array:
     """Errors of a place (RANGES, steps of z) from the fitted quantiles."""
     quantiles = _quantiles_by_range(fitted["range_m"], fitted[name])
     levels = np.linspace(0.0, 1.0, quantiles.shape[1])
-    return _table(
-        np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS
-    )
+    errors_m = np.array([np.interp(_shares(), levels, row) for row in quantiles])
+    return errors_m.round(PLACE_DECIMALS)
 
 
-def _share(step: float) -> Array:
-    """The share of z below each column of a table, or so many steps above it."""
+@functools.cache
+def _shares() -> Array:
+    """The share of z below the middle of each column of a table."""
     columns = np.arange(2 * MIDDLE + 2)
-    return np.array(
-        [NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()]
-    )
-
-
-def _table(values: Array, decimals: int) -> Array:
-    rounded: Array = np.round(values, decimals)
-    return rounded
+    middles_z = (columns + 0.5 - MIDDLE) / STEPS_PER_Z
+    return np.array([NormalDist().cdf(z) for z in middles_z.tolist()])

@@ -1,11 +1,14 @@
 """Tables of standard normal numbers, out of which the bits of a key pick one."""
 
 import functools
+import itertools
 import math
-from array import array
 from statistics import NormalDist
 
-from genie_sim.worlds.scene.keys import MASK, BitField, mix
+import numpy as np
+
+from genie_sim.base.geometry import Array
+from genie_sim.worlds.scene.keys import BitField, mix
 
 WARM_UP = 1024  # smooth numbers before the first that counts: they start at 0
 
@@ -27,14 +30,13 @@ def normals() -> tuple[float, ...]:
 
 
 @functools.cache
-def smooth_normals(step: float) -> "array[float]":
+def smooth_normals(step: float) -> Array:
     """65,536 standard normal numbers in a row, in which numbers n rows apart are correlated by
     exp(-n step).
     """
-    table, correlation = normals(), math.exp(-step)
+    correlation = math.exp(-step)
     innovation = math.sqrt(1.0 - correlation * correlation)
-    value, numbers = 0.0, array("d")
-    for i in range(-WARM_UP, 1 << VIEWS.bits):
-        value = correlation * value + innovation * table[NORMALS.of(mix(i & MASK))]
-        numbers.append(round(value, 9))
-    return numbers[WARM_UP:]
+    keys = mix(np.arange(-WARM_UP, 1 << VIEWS.bits).astype(np.uint64))
+    fresh = innovation * np.array(normals())[NORMALS.of(keys)]
+    values = itertools.accumulate(fresh.tolist(), lambda value, new: correlation * value + new)
+    return np.array([round(value, 9) for value in values][WARM_UP:])

@@ -5,13 +5,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from genie_sim.base.classes import SIZES
+from genie_sim.base.geometry import Array
+from genie_sim.base.spans import Ints
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
 from genie_sim.worlds.scene import keys
-from genie_sim.worlds.scene.laws import GroupLaws
+from genie_sim.worlds.scene.laws import Copula, FittedLaws
 from genie_sim.worlds.scene.noise import normals
+
+Bits = npt.NDArray[np.uint64]
+Flags = npt.NDArray[np.bool_]
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR
 # 2013).
@@ -30,93 +36,61 @@ REACHES_M = {label: FOCAL_PX * size.height_m / MIN_HEIGHT_PX for label, size in 
 
 
 class SceneObject(NamedTuple):
-    """Something that a camera may see, real or a ghost.
-
-    Where it is and from how far away it can be seen [m]; what it is, its number, the key of its
-    random numbers, its lasting share in the copula of the score and of the errors along the line of
-    sight and across, and its laws.
+    """Something that is really there, at some time: what it is, its number, whether it moves, and
+    where its middle is [m].
     """
 
+    label: str
+    number: int
+    moving: bool
     east_m: float
     north_m: float
     up_m: float
-    reach_m: float
-    label: str
-    number: int
-    key: int
-    score_z: float
-    along_z: float
-    across_z: float
-    laws: GroupLaws
-    moving: bool
-    real: bool
 
     @property
     def location(self) -> Location:
-        """Where its middle is, at the time it was asked for."""
         return self.east_m, self.north_m, self.up_m
-
-    def at(self, number: int, east_m: float, north_m: float) -> "SceneObject":
-        """The same with another number, elsewhere."""
-        return SceneObject._make((east_m, north_m, *self[2:5], number, *self[6:]))
 
 
 class ObjectColumns:
-    """All objects that cameras may see in a scene, as columns; ``rows`` are the objects themselves.
-
-    ``key`` (64 bits) is each one's own, ``offset`` where its smooth numbers begin, ``group`` the
-    number of its group of laws, and ``real`` is ``False`` for ghosts.
-    """
-
-    def __init__(self, rows: Sequence[SceneObject]) -> None:
-        self.rows = rows
-        self.up_m = np.array([row.up_m for row in rows])
-        self.reach_m = np.array([row.reach_m for row in rows])
-        self.score_z = np.array([row.score_z for row in rows])
-        self.along_z = np.array([row.along_z for row in rows])
-        self.across_z = np.array([row.across_z for row in rows])
-        self.real = np.array([row.real for row in rows], dtype=bool)
-        self.label = np.array([row.label for row in rows], dtype=object)
-        self.key = np.array([row.key for row in rows], dtype=np.uint64)
-        self.offset = keys.OBJECT_VIEW.of(self.key).astype(np.int64)
-        self.group = np.array([row.laws.number for row in rows], dtype=np.int64)
-
-
-def scene_object(
-    laws: GroupLaws,
-    seed_key: int,
-    number: int,
-    label: str,
-    *,
-    place: tuple[float, float] = (0.0, 0.0),
-    moving: bool = False,
-    real: bool = True,
-) -> SceneObject:
-    """An object with the random numbers that stay with it.
+    """All objects that cameras may see in a scene, real ones and ghosts, as columns (objects,):
+    what stays the same of each wherever it is, with its random numbers.
 
     Parameters
     ----------
-    laws : how a detector sees it
-    seed_key : of the scene
-    number : the object's own
     label : its class
-    place : east and north [m]; of what moves, ``SceneObject.at`` gives it
-    moving : whether it moves
+    number : its own
     real : ``False`` for a ghost
+    laws : how a detector sees them
+    seed_key : of the scene's seed
     """
-    key, table = keys.object_key(seed_key, number), normals()
-    return SceneObject(
-        east_m=place[0],
-        north_m=place[1],
-        up_m=MIDDLES_M[label],
-        reach_m=REACHES_M[label],
-        label=label,
-        number=number,
-        key=key,
-        score_z=laws.score_weight * table[keys.OBJECT_SCORE.of(key)],
-        along_z=laws.along_weight * table[keys.OBJECT_ALONG.of(key)],
-        across_z=laws.across_weight * table[keys.OBJECT_ACROSS.of(key)],
-        laws=laws,
-        moving=moving,
-        real=real,
-    )
+
+    def __init__(
+        self,
+        label: Sequence[str],
+        number: Sequence[int],
+        real: Sequence[bool],
+        *,
+        laws: FittedLaws,
+        seed_key: int,
+    ) -> None:
+        self.label = np.array(label, dtype=object)
+        self.number: Ints = np.array(number, dtype=np.int64)
+        self.real: Flags = np.array(real, dtype=bool)
+        # height of its middle, and from how far away it can be seen [m]
+        self.up_m = np.array([MIDDLES_M[name] for name in label])
+        self.reach_m = np.array([REACHES_M[name] for name in label])
+        groups = map(laws.group_of, label, real)
+        self.group: Ints = np.array(list(groups), dtype=np.int64)
+        self.key: Bits = keys.mix(seed_key ^ keys.mix(self.number.astype(np.uint64)))
+        # where its smooth numbers begin
+        self.offset: Ints = keys.OBJECT_VIEW.of(self.key).astype(np.int64)
+        # its lasting share in the copulas of the score and of the errors along and across
+        self.score_z = self._lasting(laws.score, keys.OBJECT_SCORE)
+        self.along_z = self._lasting(laws.along, keys.OBJECT_ALONG)
+        self.across_z = self._lasting(laws.across, keys.OBJECT_ACROSS)
+
+    def _lasting(self, copula: Copula, draw: keys.BitField) -> Array:
+        drawn = np.array(normals())[draw.of(self.key).astype(np.int64)]
+        lasting: Array = copula.object_weight[self.group] * drawn
+        return lasting

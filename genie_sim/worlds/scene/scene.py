@@ -10,9 +10,9 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.data.frame_source import Drives
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
-from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject
+from genie_sim.worlds.scene.objects import Flags, ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
-from genie_sim.worlds.scene.view import Flags, ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
 if TYPE_CHECKING:
     from genie_sim.worlds.scene.frames import SceneDrive, SceneFrame
@@ -43,7 +43,7 @@ class SceneVisibility(Protocol):
 class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
-    A subclass gives ``digest``, ``objects``, ``visibility``, ``truth`` and ``facts``. The same
+    A subclass gives ``digest``, ``objects``, ``visibility``, ``are_moving`` and ``facts``. The same
     ``digest`` is the same scene: the sha256 of all that decides what cameras see.
     """
 
@@ -71,10 +71,25 @@ class Scene:
         """Whether objects of a class would be among ``objects`` if they were there."""
         return True
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
-        """The objects that are visible from some poses, as they are at each pose's time [s]; a
-        ghost is ``None``.
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject]:
+        """The real ones of the objects that are visible from some poses, as they are at each pose's
+        time [s].
         """
+        is_real = self.objects.real[visible.row]
+        visible = VisibleObjects._make(column[is_real] for column in visible)
+        objects, row = self.objects, visible.row
+        columns = (
+            objects.label[row],
+            objects.number[row] - visible.number_offset,
+            self.are_moving(visible, t_s),
+            visible.east_m,
+            visible.north_m,
+            objects.up_m[row],
+        )
+        return [SceneObject(*of) for of in zip(*(c.tolist() for c in columns), strict=True)]
+
+    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
+        """Which of the visible objects (n,) move at their poses' times [s]."""
         raise NotImplementedError
 
     def facts(self) -> Mapping[str, object]:

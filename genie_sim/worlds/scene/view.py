@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
-from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, Bits, ObjectColumns
 
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
-Bits = np.ndarray[Any, np.dtype[np.uint64]]
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 HALF_C, HALF_S = math.cos(HORIZONTAL_FOV_RAD / 2), math.sin(HORIZONTAL_FOV_RAD / 2)
 SLOPE = math.tan(HORIZONTAL_FOV_RAD / 2)
 

@@ -2,8 +2,9 @@
 real trace.
 
 ``rules`` says what it is made of, ``streets`` lays out what stands and moves on each street,
-``places`` finds what of it is in view from somewhere, ``routes`` drives cars, ``town`` is all of it
-as a scene (``worlds.scene``), and ``source`` the settings in a scenario.
+``places`` finds what of it is in view from somewhere, ``commuting`` says which way cars go and
+``routes`` how they drive it, ``town`` is all of it as a scene (``worlds.scene``), and ``source``
+has the settings in a scenario.
 """
 
 from genie_sim.worlds.scene.frames import SceneFrame

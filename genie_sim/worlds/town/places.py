@@ -8,7 +8,6 @@ stands. Houses fill the blocks between the streets and hide what is behind them.
 from __future__ import annotations
 
 import itertools
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,53 +17,33 @@ from scipy.spatial import cKDTree
 from genie_sim.base.classes import class_of
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
-from genie_sim.worlds.scene.objects import ObjectColumns
+from genie_sim.worlds.scene.objects import Flags, ObjectColumns
 from genie_sim.worlds.scene.view import (
     HALF_C,
-    Flags,
     PlacedObjects,
     ViewPoses,
     VisibleObjects,
     between,
     in_view,
 )
-from genie_sim.worlds.town.streets import Street, Streets
+from genie_sim.worlds.town.rules import TownRules
+from genie_sim.worlds.town.streets import Street
 
 ROUNDING_M = 1e-6
 
 
-class _Origin(NamedTuple):
-    """Where an object is at time 0 [m], along and across the way that it goes (east and north, if
-    it stands), its speed [m/s] towards the north or the east, the length of its street [m], and how
-    many places its stream has.
+class _Tracks(NamedTuple):
+    """How all objects move, as columns: where each is at time 0 [m], along and across its street,
+    its speed [m/s] along it, whether the street leads north, its length [m], and the size of the
+    object's stream (``streets.StreetObject``).
     """
 
-    along_m: float
-    across_m: float
-    speed_mps: float
-    northbound: bool
-    length_m: float
-    stream_size: int
-
-
-def _origins(street: Street) -> list[_Origin]:
-    """Of all objects of a street, in their order."""
-    origins = [
-        _Origin(item.east_m, item.north_m, 0.0, False, street.length_m, 0)
-        for item in street.standing
-    ]
-    for stream in street.streams:
-        for start_m, movers in zip(stream.starts_m, stream.movers, strict=True):
-            origin = _Origin(
-                start_m,
-                stream.beside_m,
-                stream.speed_mps,
-                northbound=street.northbound,
-                length_m=street.length_m,
-                stream_size=len(stream.starts_m),
-            )
-            origins += [origin] * len(movers)
-    return origins
+    along_m: Array
+    across_m: Array
+    speed_mps: Array
+    northbound: Flags
+    length_m: Array
+    stream_size: Ints
 
 
 class _SameVelocity:
@@ -72,12 +51,13 @@ class _SameVelocity:
     which classes they are of, by code, and the tree of their places along and across at time 0.
     """
 
-    def __init__(self, rows: Sequence[int], origins: Sequence[_Origin], has_class: Flags) -> None:
-        self.row, self.has_class = np.array(rows), has_class
-        self.speed_mps, self.northbound = origins[0].speed_mps, origins[0].northbound
-        self._length_m = origins[0].length_m
+    def __init__(self, rows: Ints, tracks: _Tracks, has_class: Flags) -> None:
+        self.row, self.has_class = rows, has_class
+        self.speed_mps = tracks.speed_mps.item(rows[0])
+        self.northbound = tracks.northbound.item(rows[0])
+        self._length_m = tracks.length_m.item(rows[0])
         box = [self._length_m, 0.0] if self.speed_mps else None
-        self.tree = cKDTree([origin[:2] for origin in origins], boxsize=box)
+        self.tree = cKDTree(np.column_stack(tracks[:2])[rows], boxsize=box)
 
     def near(self, moved_m: Array, radius_m: Array | float) -> list[list[int]]:
         """The numbers of what is within a distance of each of some places (n, 2), which
@@ -93,32 +73,47 @@ class _SameVelocity:
 class Places:
     """Where everything is in a town at any time, ghosts too.
 
-    ``objects`` are the town's, street by street, ``view_m`` is how far cameras look.
+    ``objects`` are those of the ``streets``, street by street.
     """
 
-    def __init__(self, streets: Streets, objects: ObjectColumns, view_m: float) -> None:
-        self._objects, self._view_m, self._block_m = objects, view_m, streets.block_m
-        self._house_m = streets.block_m / 2 - streets.half_m  # from the middle of a block
-        origins = [origin for of in (*streets.east, *streets.north) for origin in _origins(of)]
-        self._origin = [np.array(column) for column in zip(*origins, strict=True)]
-        rows: dict[tuple[object, ...], list[int]] = defaultdict(list)
-        for row, origin in enumerate(origins):
-            rows[origin.speed_mps, origin.northbound].append(row)
+    def __init__(self, rules: TownRules, streets: Sequence[Street], objects: ObjectColumns) -> None:
+        self._objects, self._view_m, self._block_m = objects, rules.view_m, rules.block_m
+        self._house_m = rules.block_m / 2 - rules.street_half_m  # from the middle of a block
+        rows = [
+            (
+                of.along_m,
+                of.across_m,
+                of.speed_mps,
+                street.northbound,
+                street.length_m,
+                of.stream_size,
+            )
+            for street in streets
+            for of in street.objects
+        ]
+        self._tracks = _Tracks._make(np.array(column) for column in zip(*rows, strict=True))
         classes = [class_of(label) for label in objects.label.tolist()]
         self._codes = {label: code for code, label in enumerate(dict.fromkeys(classes))}
         self._class = np.array([self._codes[label] for label in classes], dtype=int)
         self._class[~objects.real] = self._nothing = len(self._codes)
+        ways = np.array([self._tracks.speed_mps, self._tracks.northbound])
+        different, way = np.unique(ways, axis=1, return_inverse=True)
         self._velocities = []
-        for of in rows.values():
-            has_class = np.bincount(self._class[of], minlength=self._nothing + 1) > 0
+        for number in range(different.shape[1]):
+            of_way = np.flatnonzero(way.ravel() == number)
+            has_class = np.bincount(self._class[of_way], minlength=self._nothing + 1) > 0
             has_class[self._nothing] = False
-            self._velocities.append(_SameVelocity(of, [origins[row] for row in of], has_class))
-        ways = [(same.speed_mps, same.northbound) for same in self._velocities]
-        self._ways = [np.array(column)[:, None] for column in zip(*ways, strict=True)]
+            self._velocities.append(_SameVelocity(of_way, self._tracks, has_class))
+
+    @property
+    def speed_mps(self) -> Array:
+        """Of each object (objects,)."""
+        return self._tracks.speed_mps
 
     def _moved(self, east_m: Array, north_m: Array, t_s: Array) -> Array:
         """Places (n,) at their times in the frame of each velocity (velocities, n, 2)."""
-        speed_mps, northbound = self._ways
+        speed_mps = np.array([same.speed_mps for same in self._velocities])[:, None]
+        northbound = np.array([same.northbound for same in self._velocities])[:, None]
         along_m = np.where(northbound, north_m, east_m) - speed_mps * t_s
         return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
 
@@ -127,7 +122,7 @@ class Places:
         north [m]; ``row`` and ``t_s`` are broadcast together.
         """
         start_m, across_m, speed_mps, northbound, length_m, stream_size = (
-            column[row] for column in self._origin
+            column[row] for column in self._tracks
         )
         gone_m = speed_mps * t_s
         # how often each has begun anew: negative for those who go east or north

@@ -13,13 +13,14 @@ from genie_sim.base.geometry import Array
 from genie_sim.base.seeds import stream
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.keys import seed_key
-from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject
+from genie_sim.worlds.scene.objects import Flags, ObjectColumns
 from genie_sim.worlds.scene.scene import Scene
 from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
+from genie_sim.worlds.town.commuting import Commuting
 from genie_sim.worlds.town.places import Places
 from genie_sim.worlds.town.rules import TownRules
-from genie_sim.worlds.town.streets import Layout, Street, Streets, lay_out
+from genie_sim.worlds.town.streets import Street, lay_out
 
 DETECTOR = "town"  # what the town's detector is called
 # Names the random numbers, here and in digests: another word makes another town of every seed.
@@ -52,47 +53,48 @@ class Town(Scene):
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
 
     @functools.cached_property
-    def streets(self) -> Streets:
-        """Every street with what stands and moves on it."""
-        layout = Layout(self.rules, self.laws, seed_key(STREAM, self.seed))
+    def streets(self) -> list[Street]:
+        """Every street with what stands and moves on it: those that lead east, from the south on,
+        and then those that lead north, from the west on.
+        """
         columns, rows = self.rules.blocks
-
-        def streets(name: str, blocks: int) -> list[Street]:
-            return [
-                lay_out(layout, name == "north", k, stream(self.seed, STREAM, name, k))
-                for k in range(blocks + 1)
-            ]
-
-        return Streets(
-            self.rules.block_m,
-            self.rules.street_half_m,
-            streets("east", rows),
-            streets("north", columns),
-        )
+        ghosts_per_100m = self.laws.ghosts_per_100m
+        return [
+            lay_out(
+                self.rules,
+                ghosts_per_100m,
+                northbound,
+                index,
+                random=stream(self.seed, STREAM, "north" if northbound else "east", index),
+            )
+            for northbound, count in ((False, rows + 1), (True, columns + 1))
+            for index in range(count)
+        ]
 
     @functools.cached_property
     def objects(self) -> ObjectColumns:  # type: ignore[override]  # it is laid out when asked for
         """All that stands and moves in the town, street by street."""
-        streets = (*self.streets.east, *self.streets.north)
-        return ObjectColumns([item for street in streets for item in street.objects])
+        items = [item for street in self.streets for item in street.objects]
+        return ObjectColumns(
+            [item.label for item in items],
+            [item.number for item in items],
+            [item.real for item in items],
+            laws=self.laws,
+            seed_key=seed_key(STREAM, self.seed),
+        )
 
     @functools.cached_property
     def visibility(self) -> Places:  # type: ignore[override]
         """Where everything is, and what every camera in the town has in view."""
-        return Places(self.streets, self.objects, self.rules.view_m)
+        return Places(self.rules, self.streets, self.objects)
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
-        rows, offsets = visible.row.tolist(), visible.number_offset.tolist()
-        columns = zip(rows, offsets, visible.east_m.tolist(), visible.north_m.tolist(), strict=True)
-        objects = self.objects.rows
-        return [
-            item.at(item.number - offset, east_m, north_m) if (item := objects[row]).real else None
-            for row, offset, east_m, north_m in columns
-        ]
+    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
+        are_moving: Flags = self.visibility.speed_mps[visible.row] != 0.0
+        return are_moving
 
     @functools.cached_property
-    def _commuting(self) -> routes.Commuting:
-        return routes.Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
+    def _commuting(self) -> Commuting:
+        return Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
 
     def drive(
         self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0

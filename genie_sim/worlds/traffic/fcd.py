@@ -10,13 +10,14 @@ import gzip
 import math
 import zlib
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, NamedTuple, cast
 from xml.parsers import expat
 
 import numpy as np
+import pandas as pd
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.geometry import Array
@@ -68,7 +69,6 @@ class _Step:
     vehicles: "array[int]" = field(default_factory=lambda: array("q"))
     values: "array[float]" = field(default_factory=lambda: array("d"))
     invalid: int = 0
-    containers: int = 0
 
 
 class _Reader:
@@ -171,8 +171,6 @@ def _steps(reader: _Reader, file: IO[bytes]) -> Iterator[_Step]:
             reader.begin(reader.number(attributes, "timestep", "time", MAX_TIME_S))
         elif name == "person" and not attributes.get("vehicle"):  # not one who rides
             reader.add({"angle": "0", **attributes}, is_person=True)
-        elif name == "container" and reader.step is not None:
-            reader.step.containers += 1
 
     parser.StartElementHandler, parser.StartDoctypeDeclHandler = root, doctype
     while True:
@@ -224,30 +222,35 @@ def read_fcd(
         begin_s = next(step.time_s for step in steps if step.vehicles)
         begins = [f"{time_s:g} s" for time_s in dict.fromkeys((begin_s, reader.first_s))]
         report.choose("begin", begins[0], begins, "perception.begin")
+    counts = [len(step.vehicles) for step in steps]
     numbers = np.concatenate([step.vehicles for step in steps]).astype(np.int64)
     values = np.concatenate([step.values for step in steps]).reshape(-1, 4)
-    known, first, vehicle = np.unique(numbers, return_index=True, return_inverse=True)
-    order = np.argsort(first)  # as they come
-    named = list(reader.numbers)
+    step_of = np.repeat(np.arange(len(steps)), counts)
+    if len(steps) > 1 and steps[-1].time_s >= begin_s + duration_s:
+        # The last step tells where vehicles go that were there before; others come too late.
+        before = len(numbers) - counts[-1]
+        is_wanted = np.isin(numbers, numbers[:before])
+        numbers, values, step_of = numbers[is_wanted], values[is_wanted], step_of[is_wanted]
+    vehicle, known = pd.factorize(numbers)  # in the order in which they come
+    names = list(reader.numbers)
     rows = VehicleRows(
         times_s=np.array([step.time_s for step in steps]),
-        ids=[named[number][0] for number in known[order]],
-        types=[reader.types[number] for number in known[order]],
-        is_person=[named[number][1] for number in known[order]],
-        step=np.repeat(np.arange(len(steps)), [len(step.vehicles) for step in steps]),
-        vehicle=np.argsort(order)[vehicle],
+        ids=[names[number][0] for number in known],
+        types=[reader.types[number] for number in known],
+        is_person=[names[number][1] for number in known],
+        step=step_of,
+        vehicle=vehicle,
         x_m=values[:, 0].copy(),
         y_m=values[:, 1].copy(),
         angle_deg=values[:, 2].copy(),
         report=report,
     )
-    report.dropped(
+    report.check_dropped(
         "rows",
         len(rows.step),
         len(rows.step) + sum(step.invalid for step in steps),
         f"a place of {INVALID:.0f}, SUMO's mark of none",
     )
-    report.leave_out("containers", sum(step.containers for step in steps))
     _tell(rows, begin_s, duration_s, speeds_mps=values[:, 3])
     return rows
 
@@ -270,15 +273,14 @@ def _wanted(
             wanted, count = [], 0
         end_s = math.inf if begin_s is None else begin_s + duration_s
         is_over = wanted and step.time_s >= end_s
-        if is_over and count:
-            wanted.append(_of_known(step, wanted))
-            break
-        if is_over and step.vehicles:
+        if is_over and step.vehicles and not count:
             raise UserError(
                 f"{reader.path}: has no vehicles from {begin_s:g} s to {end_s:g} s; the first one "
                 f"comes at {step.time_s:g} s: set 'begin' or 'duration'"
             )
         wanted.append(step)
+        if is_over and count:
+            break
         count += len(step.vehicles)
         if begin_s is None and count:
             begin_s = step.time_s
@@ -299,16 +301,6 @@ def _wanted(
     return wanted
 
 
-def _of_known(step: _Step, before: Sequence[_Step]) -> _Step:
-    """The step without the vehicles that come in it."""
-    known = np.isin(step.vehicles, np.concatenate([earlier.vehicles for earlier in before]))
-    vehicles = np.array(step.vehicles)[known]
-    values = np.array(step.values).reshape(-1, 4)[known]
-    return replace(
-        step, vehicles=array("q", vehicles.tolist()), values=array("d", values.ravel().tolist())
-    )
-
-
 def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Array) -> None:
     """What was read, for the report. Raises UserError where places cannot be in metres."""
     report, persons = rows.report, sum(rows.is_person)
@@ -324,7 +316,7 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
         )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
-    report.times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
+    report.check_times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
     order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
     same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
@@ -340,7 +332,7 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
     steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
     drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
     angle_deg = rows.angle_deg[order][1:][pairs][drives]
-    report.heading(
+    report.check_heading(
         "vehicles: angle",
         angle_deg,
         steps_m=steps_m[drives],
@@ -360,4 +352,4 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
             report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
         elif not 1 / SAME_SPEED < times < SAME_SPEED:
             report.warn(text)
-    report.speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))
+    report.check_speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))

@@ -18,7 +18,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.keys import seed_key
-from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject, scene_object
+from genie_sim.worlds.scene.objects import Flags, ObjectColumns
 from genie_sim.worlds.scene.scene import Scene, SceneDrives
 from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
@@ -63,12 +63,13 @@ class Traffic(Scene):
         decisive = {name: value for name, value in asdict(settings).items() if name != "accept"}
         text = json.dumps([self._content, decisive | {"fcd": ""}, seed, self.laws.digest])
         self.digest = hashlib.sha256(text.encode()).hexdigest()
-        key = seed_key(STREAM, seed)
+        labels = self.vehicles.labels
         self.objects = ObjectColumns(
-            [
-                scene_object(self.laws.of(label), key, vehicle, label, moving=True)
-                for vehicle, label in enumerate(self.vehicles.labels)
-            ]
+            labels,
+            range(len(labels)),
+            [True] * len(labels),
+            laws=self.laws,
+            seed_key=seed_key(STREAM, seed),
         )
         self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
 
@@ -85,15 +86,10 @@ class Traffic(Scene):
     def knows(self, label: str) -> bool:
         return label in KNOWN or (label in PERSONS and any(self.vehicles.is_person))
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
+    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
         at_s = t_s[visible.pose]
-        speeds = self.vehicles.at(self.vehicles.rows_at(visible.row, at_s), at_s).speed_mps
-        objects = self.objects.rows
-        columns = (visible.row, visible.east_m, visible.north_m, speeds > MOVING_MPS)
-        return [
-            objects[row]._replace(east_m=east_m, north_m=north_m, moving=moving)
-            for row, east_m, north_m, moving in zip(*(c.tolist() for c in columns), strict=True)
-        ]
+        motions = self.vehicles.at(self.vehicles.rows_at(visible.row, at_s), at_s)
+        return motions.speed_mps > MOVING_MPS
 
     def facts(self) -> Mapping[str, object]:
         vehicles = self.vehicles

@@ -11,7 +11,8 @@ import pytest
 from genie_sim.base.classes import VEHICLES
 from genie_sim.base.units import NS_PER_S
 from genie_sim.worlds.town import Town, TownRules
-from genie_sim.worlds.town.routes import CYCLE_S, LEFT_MPS, Commuting, green_at
+from genie_sim.worlds.town.commuting import Commuting
+from genie_sim.worlds.town.routes import CYCLE_S, LEFT_MPS, green_at
 from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M
 from genie_sim.worlds.town.source import InTown
 from tests.worlds.town.town_truth import truth_near

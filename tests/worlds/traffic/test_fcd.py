@@ -139,12 +139,6 @@ def test_the_mark_of_no_place_is_counted_and_passed_over(tmp_path):
         read_fcd(path, None, 100.0)
 
 
-def test_unix_times_are_times(tmp_path):
-    path = tmp_path / "a.xml"
-    path.write_text(driven(begin_s=1.7e9))
-    assert read_fcd(path, None, 1.0).times_s[0] == 1.7e9
-
-
 def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
     empty = [(float(k), {}) for k in range(20)]
     there = [(20.0, {"a": (0, 0, 0)}), (21.0, {"a": (1, 0, 0)})]

@@ -9,14 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from genie_sim.base.classes import GROUPS
-from genie_sim.base.geometry import Array
-from genie_sim.core.messages import Detection
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.keys import mix
 from genie_sim.worlds.scene.laws import MAX_VIEW_M, FittedLaws
-from genie_sim.worlds.scene.objects import ObjectColumns, scene_object
+from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, in_view
-from tools.make.town_fit.copula import Pairs, normal_scores
 from tools.make.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 
 
@@ -28,11 +25,14 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
     """
     label, again = GROUPS[group][0], []
     poses = [look.pose for look in looks]
-    objects = [
-        scene_object(laws.of(label), mix(seed), look.track, label, place=look.centre[:2])
-        for look in looks
-    ]
-    columns, each = ObjectColumns(objects), np.arange(len(looks))
+    objects = ObjectColumns(
+        [label] * len(looks),
+        [look.track for look in looks],
+        [True] * len(looks),
+        laws=laws,
+        seed_key=mix(seed),
+    )
+    each = np.arange(len(looks))
     east_m, north_m = np.array([look.centre[:2] for look in looks]).T
     pictures = [
         mix(
@@ -48,8 +48,8 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
     )
     view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
     candidates = PlacedObjects(each, each, each, east_m=east_m, north_m=north_m)
-    visible = in_view(view_poses, candidates, columns, MAX_VIEW_M)
-    detected = SyntheticDetector(columns, laws).detect(visible, view_poses)
+    visible = in_view(view_poses, candidates, objects, MAX_VIEW_M)
+    detected = SyntheticDetector(objects, laws).detect(visible, view_poses)
     for number in visible.pose.tolist():
         look = looks[number]
         detection = next(iter(detected.of(number)), None)
@@ -90,24 +90,6 @@ def changes(looks: Sequence[Look]) -> float:
         rows.setdefault((look.track, look.camera), []).append(look.detection is not None)
     pairs = [pair for row in rows.values() for pair in pairwise(row)]
     return sum(a != b for a, b in pairs) / len(pairs)
-
-
-def correlations(group: str, looks: Sequence[Look], name: str = "score") -> Array:
-    """How correlated two looks at one object are, by the distance of their views
-    (``copula.LAGS_M``).
-    """
-    chosen = [look for look in looks if name == "score" or look.along_m is not None]
-    values = [_value(look.detection) if name == "score" else getattr(look, name) for look in chosen]
-    bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group])
-    tracks, views_m = (
-        np.array([look.track for look in chosen]),
-        np.array([look.view_m for look in chosen]),
-    )
-    return Pairs(tracks, views_m).correlations(normal_scores(values, bins))
-
-
-def _value(detection: Detection | None) -> float:
-    return 0.0 if detection is None else detection.score
 
 
 def table(laws: FittedLaws, looks: Mapping[str, Sequence[Look]], replications: int = 40) -> str:
