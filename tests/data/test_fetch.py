@@ -316,8 +316,5 @@ def test_a_broken_entry_is_told_in_one_line(tmp_path):
 def test_the_command_says_how_to_use_what_it_fetched(run_cli):
     wrong = run_cli("import", "fetch", "modell", "x")
     assert wrong.returncode == 1
-    assert (
-        wrong.stderr
-        == "genie-sim: unknown kind of thing to fetch 'modell' (did you mean 'model'?); "
-        "known: drive, model\n"
-    )
+    assert "kind of thing to fetch 'modell' (did you mean 'model'?)" in wrong.stderr
+    assert wrong.stderr.count("\n") == 1

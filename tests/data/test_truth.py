@@ -102,7 +102,7 @@ def test_a_drive_without_labels_names_both_kinds_of_labels(trace, tmp_path, driv
         make_truth(tmp_path, drive, trace)
     message = str(error.value)
     assert f"unknown labelled drive '{drive}'" in message
-    assert "known: 2011_09_26/0005, tracking/0000 (tracklets of a raw drive" in message
+    assert ": 2011_09_26/0005, tracking/0000 (tracklets of a raw drive" in message
     assert "\n" not in message
 
 
