@@ -226,9 +226,15 @@ def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street,
         write_trace(tmp_path / f"{name}.parquet", trace)
     assert encoded_beside(path, raw, "png").digest == png.digest
     with pytest.raises(
-        UserError, match=r"mine.parquet has no mine.jpeg80.parquet beside it; .*--encoding jpeg80"
+        UserError,
+        match=r"mine.parquet has no mine.jpeg80.parquet beside it; .*--size .* --encoding jpeg80",
     ):
         encoded_beside(path, raw, "jpeg80")
+    other = replace(png, provenance={**png.provenance, "detector": "yolox_tiny"})
+    write_trace(tmp_path / "mine.png.parquet", other)
+    with pytest.raises(UserError, match=r"mine.png.parquet: detector: is not that of mine.parquet"):
+        encoded_beside(path, raw, "png")
+    write_trace(tmp_path / "mine.png.parquet", png)
     with pytest.raises(
         UserError, match=r"mine.jpeg90.parquet: is not of pictures encoded as jpeg90"
     ):
