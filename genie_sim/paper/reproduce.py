@@ -60,8 +60,6 @@ class Reproduction(Suggesting, Result):
         How it came about: seeds, edited set-ups, and the versions of sources and packages.
     folder : Path or None
         Where it is; ``None`` for one in memory.
-    changed : sequence of str
-        Files that were changed since they were written.
     """
 
     rows: Sequence[dict[str, Any]]
@@ -69,18 +67,16 @@ class Reproduction(Suggesting, Result):
     curves: "Curves"
     about: Mapping[str, Any]
     folder: Path | None = None
-    changed: Sequence[str] = ()
 
     @classmethod
-    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Reproduction":
+    def read(cls, folder: Path) -> "Reproduction":
         """See ``Result``."""
         with provenance.of_this_version(folder):
             rows = printed.read_rows(folder)
             about = printed.read_about(folder)
-            changed = provenance.changed_files(folder, about.get("digests"), FILES)
-            provenance.refuse_changed(folder, changed, allow_changed)
+            provenance.check_unchanged(folder, about, FILES)
             curve_points = curves.read(folder / curves.FILE)
-            return cls(rows, numbers.read(folder), curve_points, about, folder, changed)
+            return cls(rows, numbers.read(folder), curve_points, about, folder)
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
@@ -107,7 +103,7 @@ class Reproduction(Suggesting, Result):
             "methods": [asdict(method) for method in numbers.METHODS],
         }
         run_id = provenance.run_id({"sources": self.about.get("sources")})
-        like = Run(run_id, facts, "", {}, (), changed=self.changed)
+        like = Run(run_id, facts, "", {}, ())
         return cells_of(self.numbers[self.numbers["variant"] == BASE], ["scenario"], like)
 
     def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Reproduction":
@@ -130,7 +126,7 @@ class Reproduction(Suggesting, Result):
             table = self.metrics
             if registry.checked(metrics, table["metric"]):
                 table = table[table["metric"].isin(metrics)]
-            return renderers.csv_of_table(table, self.changed)
+            return renderers.csv_of_table(table)
         if metrics:
             raise UserError("metrics: the table of an evaluation is of claims; format csv has them")
         return printed.table(self.rows, format)

@@ -12,7 +12,7 @@ import re
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -89,29 +89,19 @@ def contained(folder: Path, name: str) -> Path:
     return path
 
 
-def changed_files(folder: Path, known: object, names: Iterable[str]) -> tuple[str, ...]:
-    """Of the files of a result folder those whose bytes are not what the digests in ``known`` say.
-
-    Raises ``UserError`` for a file that is not there.
+def check_unchanged(folder: Path, about: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Raises ``UserError`` if one of these files of a result folder is not there, or not what its
+    digest says, or if the facts of a run are not those that its id stands for. ``about`` is the
+    folder's ``run.json`` or ``sweep.json``.
     """
+    known = about.get("digests")
     expected = known if isinstance(known, dict) else {}
-    found = digests(folder, names)
-    return tuple(name for name, digest in found.items() if expected.get(name) != digest)
-
-
-def warning(changed: Sequence[str]) -> str:
-    """A remark that names changed files, for what is made from them; empty for none."""
-    return f"CHANGED since the results were written: {', '.join(changed)}" if changed else ""
-
-
-def refuse_changed(folder: Path, changed: Sequence[str], allow_changed: bool) -> None:
-    """Raises ``UserError`` if files were changed since the results were written, unless that is
-    allowed.
-    """
-    if changed and not allow_changed:
+    changed = ["run.json"] if "facts" in about and not _is_of_its_id(about) else []
+    changed += [name for name, sha in digests(folder, names).items() if expected.get(name) != sha]
+    if changed:
         raise UserError(
             f"{folder}: changed since the results were written: {', '.join(changed)}; "
-            "--allow-changed reads them all the same"
+            "make them again"
         )
 
 
@@ -441,7 +431,7 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     return run
 
 
-def is_of_its_id(run: Mapping[str, Any]) -> bool:
+def _is_of_its_id(run: Mapping[str, Any]) -> bool:
     """Whether the facts in a ``run.json`` are those that its run id stands for."""
     try:
         return run_id(run["facts"]) == str(run["run_id"])

@@ -22,7 +22,6 @@ from genie_sim.record.results import (
     METRIC_FIELDS,
     MethodInfo,
     Run,
-    changed_files,
     checked_label,
 )
 from genie_sim.record.tables import read as read_columns
@@ -176,15 +175,12 @@ class Compared(NamedTuple):
         )
 
 
-def rerun(
-    folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
-) -> Compared:
+def rerun(folder: Path, progress: Progress | None = None) -> Compared:
     """Runs a result folder's scenario again, with the device profiles it was made with, and
     compares each file that a run writes with it. ``run.json`` holds the wall time and is not
     compared.
 
-    Raises ``UserError``, also for files that were changed since, unless they are allowed: then they
-    differ.
+    Raises ``UserError``, also for files that were changed since.
     """
     made = provenance.read_run_json(folder)
     where = str(folder / "run.json")
@@ -202,7 +198,7 @@ def rerun(
         if now != before:
             raise UserError(f"{folder}: {_difference(key, before, now)}")
     present = [name for name in FILES if (folder / name).exists()]
-    provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
+    provenance.check_unchanged(folder, made, present)
     with tempfile.TemporaryDirectory() as temporary:
         formats = _formats_in(folder / "figures")
         label = checked_label(made.get("label", ""), f"{where}: label")

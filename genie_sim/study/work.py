@@ -34,7 +34,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
+from genie_sim.record.results import FILES, METRIC_FIELDS, MetricValue
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.prepare import Prepared, SharedFrames
@@ -88,12 +88,14 @@ class PointRun:
         folder = self.results(study)
         try:
             about = provenance.read_run_json(folder)
-            changed = changed_files(folder, about)
         except UserError:
             return False
-        if changed:
-            log.warning("%s: %s: changed since: the run is made again", folder, ", ".join(changed))
-        return about["run_id"] == self.run_id and not changed
+        try:
+            provenance.check_unchanged(folder, about, FILES)
+        except UserError as error:
+            log.warning("%s; the run is made again", error)
+            return False
+        return bool(about["run_id"] == self.run_id)
 
     def results(self, study: Path) -> Path:
         """Their folder. Raises ``UserError`` where a link leads elsewhere."""

@@ -255,10 +255,12 @@ def test_digests_tell_whether_a_table_was_changed(tmp_path):
         (tmp_path / name).write_bytes(b"rows of " + name.encode())
     before = provenance.digests(tmp_path, names)
     assert set(before) == set(names)
-    assert provenance.changed_files(tmp_path, before, names) == ()
+    provenance.check_unchanged(tmp_path, {"digests": before}, names)
     (tmp_path / "frames.parquet").write_bytes(b"other rows")
-    assert provenance.changed_files(tmp_path, before, names) == ("frames.parquet",)
-    assert provenance.changed_files(tmp_path, None, names) == names
+    with pytest.raises(UserError, match=r"written: frames\.parquet;"):
+        provenance.check_unchanged(tmp_path, {"digests": before}, names)
+    with pytest.raises(UserError, match=r"frames\.parquet, truth\.parquet"):
+        provenance.check_unchanged(tmp_path, {}, names)
 
 
 def test_the_environment_is_told_but_decides_nothing():
