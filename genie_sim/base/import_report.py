@@ -109,10 +109,9 @@ class ImportReport:
         """
         low, high = usual
         if not low <= value <= high:
-            self.warn(
-                f"{what} {_plain(value)} {unit}, unusual {of} ({_plain(low)} to {_plain(high)} "
-                f"{unit}): is it in another unit?"
-            )
+            between = f"{_short_number(low)} to {_short_number(high)} {unit}"
+            text = f"{what} {_short_number(value)} {unit}, unusual {of} ({between})"
+            self.warn(f"{text}: is it in another unit?")
 
     def warn_sentinels(self, what: str, values: Sequence[float], unit: str) -> None:
         """Warns of numbers that look as if they stood for none: all the same, or far beyond all
@@ -121,14 +120,16 @@ class ImportReport:
         if len(values) < FEW_VALUES:
             return
         if min(values) == max(values):
-            self.warn(f"{what}: always {_plain(max(values))} {unit}: does that stand for unknown?")
+            self.warn(
+                f"{what}: always {_short_number(max(values))} {unit}: does that stand for unknown?"
+            )
             return
         limit = FAR_OUT * sorted(values)[len(values) // 2]
         beyond = [value for value in values if value > limit > 0]
         if beyond:
             self.warn(
                 f"{what}: {len(beyond):,} of {len(values):,} values are more than {FAR_OUT} times "
-                f"the median, up to {_plain(max(beyond))} {unit}: do they stand for unknown?"
+                f"the median, up to {_short_number(max(beyond))} {unit}: do they stand for unknown?"
             )
 
     def warn(self, text: str) -> None:
@@ -272,7 +273,7 @@ class ImportReport:
             ),
             "chosen": "; ".join(self.chosen[:MAX_NAMED]),
             "ranges": _listed(
-                f"{what} {_plain(low)} to {_plain(high)} {unit}".rstrip()
+                f"{what} {_short_number(low)} to {_short_number(high)} {unit}".rstrip()
                 for what, (low, high, unit) in self._ranges.items()
             ),
             "ways": _listed((f"{name}: {way}" for name, way in self.ways.items()), "; "),
@@ -337,7 +338,7 @@ def class_map(option: str, pairs: Iterable[str], classes: Collection[str]) -> di
     return chosen
 
 
-def _plain(value: float) -> str:
+def _short_number(value: float) -> str:
     """Four digits, or all before the point."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 

@@ -44,14 +44,16 @@ def compare(
     Of one result alone, its methods are compared. Seeds that not all results have are left out; a
     line says so.
     """
-    from genie_sim import kinds
+    from genie_sim import api
     from genie_sim.analysis import compare_tables, renderers
-    from genie_sim.report.result import Comparison
 
     renderers.checked(format)
-    results = [kinds.load(folder) for folder in folders]
-    shown = listed("--methods", methods), labels, listed("--metrics", metrics)
-    comparison = Comparison(results, *shown)
+    comparison = api.compare(
+        *folders,
+        methods=listed("--methods", methods),
+        labels=labels,
+        metrics=listed("--metrics", metrics),
+    )
     click.echo(comparison.text(format), nl=False)
     if format == "markdown":
         click.echo()

@@ -408,6 +408,26 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     assert plugins.resolve("method", "mod:Nothing", {}), "and refused for one only"
 
 
+def test_of_two_classes_in_one_module_the_one_that_fails_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """Whichever was named last, and also where a function beside them fails."""
+    go = "    def go(self):\n        fail()\n\n\n"
+    (tmp_path / "pair.py").write_text(
+        f"class A:\n{go}class B:\n{go}def fail():\n    raise KeyError\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    first, second = (plugins.resolve("fault", f"pair:{name}", {}) for name in "AB")
+    for cls in (first, second):
+        with (
+            pytest.raises(UserError, match=rf"^fault 'pair:{cls.__name__}': .*in fail\)$"),
+            plugins.own_faults_told(),
+        ):
+            cls().go()
+    with pytest.raises(UserError, match=r"^fault 'pair:A' or fault 'pair:B': "):
+        plugins.call("fault", "pair:B", sys.modules["pair"].fail)
+
+
 def test_a_command_that_says_nothing_of_it_imports_no_own_code(
     from_elsewhere: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -228,7 +228,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
         ({"equipped": []}, "perception.equipped: must not be empty"),
         ({"equipped": ["a", "a"]}, "perception.equipped: names a vehicle twice"),
         ({"equipped": 1e-9}, "perception.equipped: none of 5 vehicles is equipped"),
-        ({"equipped": "all"}, "perception.equipped: must be a share from 0 to 1 or a list of ids"),
+        ({"equipped": "all"}, "perception.equipped: must be a number or a list"),
         (
             {"types": {"bus": {"label": "plane"}}},
             "perception.types.bus.label: unknown label 'plane'",
