@@ -2,7 +2,6 @@
 KITTI's labels.
 """
 
-import os
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -36,9 +35,6 @@ from tests.kitti_folder import (
 
 DRIVE = f"{DATE}/0005"
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parquet"
-NEEDS = ("GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS")
-MISSING = [name for name in NEEDS if name not in os.environ]
-real_data = pytest.mark.skipif(bool(MISSING), reason=f"{' and '.join(MISSING)} not set")
 ALL_FRAMES = FrameSelection(DRIVE)
 
 
@@ -376,8 +372,7 @@ def test_difference_hash_tells_pictures_apart_but_not_their_brightness():
     assert (difference_hash(image) ^ difference_hash(other)).bit_count() >= 16
 
 
-@pytest.mark.data
-@real_data
+@pytest.mark.usefixtures("kitti_root", "weights_dir")
 def test_the_shipped_trace_is_made_from_these_frames():
     """Every 30th frame again.
 
