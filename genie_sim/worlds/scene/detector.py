@@ -113,21 +113,21 @@ class SyntheticDetector:
                 ahead_m, left_m = range_m * math.cos(angle_rad), range_m * math.sin(angle_rad)
                 east_m = pose.east_m + ahead_m * cos - left_m * sin
                 north_m = pose.north_m + ahead_m * sin + left_m * cos
-                place_m = round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS)
-                detections.append(
-                    detection(
-                        law.label, round(score, SCORE_DECIMALS), (*place_m, MIDDLES_M[law.label])
-                    )
+                location = (
+                    round(east_m, POSITION_DECIMALS),
+                    round(north_m, POSITION_DECIMALS),
+                    MIDDLES_M[law.label],
                 )
+                detections.append(detection(law.label, round(score, SCORE_DECIMALS), location))
             draw -= law.per_frame
         return detections
 
     def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _LookColumns:
         objects, pose, row = self._objects, visible.pose, visible.row
         if self._on_grid:
-            gone_m, quarter = _gone(poses)
+            gone_m, apart = _gone(poses)
             step = ((visible.range_m - gone_m[pose]) / VIEW_STEP_M).astype(np.int64)
-            step += objects.offset[row] + quarter[pose]
+            step += objects.offset[row] + apart[pose]
         else:
             # How far the camera has gone past the object: on a straight street the same but for a
             # number that stays with each object, and in a bend without a jump.
@@ -166,14 +166,14 @@ class SyntheticDetector:
 
 
 def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
-    """How far [m] a camera has gone along its street, and where the gradual numbers of its
-    direction begin.
+    """How far [m] the camera of each pose has gone along its street, and how many rows the smooth
+    numbers of its direction are apart from those of the east.
 
     The view changes as the camera goes on and the range shrinks; turning into another street is
     another view.
     """
-    x, y, c, s = poses[:4]
-    on_east = np.abs(c) > np.abs(s)
-    gone_m = np.where(on_east, np.where(c > 0, x, -x), np.where(s > 0, y, -y))
-    quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * noise.DIRECTION
-    return gone_m, quarter
+    is_along_east = np.abs(poses.cos) > np.abs(poses.sin)
+    is_backwards = np.where(is_along_east, poses.cos, poses.sin) <= 0.0  # to the west or the south
+    place_m = np.where(is_along_east, poses.east_m, poses.north_m)
+    direction = np.where(is_along_east, 0, 2) + is_backwards
+    return np.where(is_backwards, -place_m, place_m), direction * noise.DIRECTION

@@ -251,7 +251,8 @@ def read_fcd(
         len(rows.step) + sum(step.invalid for step in steps),
         f"a place of {INVALID:.0f}, SUMO's mark of none",
     )
-    _tell(rows, begin_s, duration_s, speeds_mps=values[:, 3])
+    _tell(rows, begin_s, duration_s)
+    _compare_ways(rows, speeds_mps=values[:, 3])
     return rows
 
 
@@ -301,8 +302,8 @@ def _wanted(
     return wanted
 
 
-def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Array) -> None:
-    """What was read, for the report. Raises UserError where places cannot be in metres."""
+def _tell(rows: VehicleRows, begin_s: float, duration_s: float) -> None:
+    """What was read, for the report."""
     report, persons = rows.report, sum(rows.is_person)
     report.read("vehicles", len(rows.ids) - persons)
     if persons:
@@ -317,6 +318,13 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
     report.check_times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
+
+
+def _compare_ways(rows: VehicleRows, speeds_mps: Array) -> None:
+    """Holds angles and speeds against the ways from one step to the next, for the report. Raises
+    UserError where they do not fit.
+    """
+    report = rows.report
     order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
     same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
