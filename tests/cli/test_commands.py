@@ -433,13 +433,3 @@ def test_a_page_without_a_replay_has_no_start(tmp_path, capsys):
     folder = copied(REPOSITORY / "results" / "paper", tmp_path / "paper")
     assert main(["report", str(folder), "--start", "1 s"]) == 1
     assert f"--start: {folder} holds no single run" in capsys.readouterr().err
-
-
-@pytest.mark.process
-def test_python_rarely_looks_for_cyclic_garbage_while_a_command_runs():
-    """Imports make very many objects, and a simulation leaves no cycles."""
-    program = "import gc; from genie_sim.__main__ import main; main(); print(gc.get_threshold()[0])"
-    told = subprocess.run(
-        [sys.executable, "-c", program, "--version"], capture_output=True, text=True, check=True
-    )
-    assert int(told.stdout.split()[-1]) > 10_000
