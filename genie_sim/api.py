@@ -193,16 +193,15 @@ def _output(report: bool, figures: bool) -> Output:
 
 
 @typed
-def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | Sweep | Reproduction":
+def load(folder: str | Path) -> "Run | Runs | Sweep | Reproduction":
     """What a result folder holds: a run, the runs of several seeds, a sweep, or the paper's
     evaluation. Each has ``metrics``, ``figures()``, ``text()``, ``report()``, ``compare()`` and
     ``rerun()``; see ``report.result.Result``.
 
     Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
-    changed since they were written. With ``allow_changed`` these are read all the same; the
-    result's ``changed`` names them, and every table, figure and page made of it says so.
+    changed since they were written.
     """
-    loaded: Any = kinds.load(expanded(folder), allow_changed=allow_changed)
+    loaded: Any = kinds.load(expanded(folder))
     return loaded  # type: ignore[no-any-return]
 
 
@@ -212,21 +211,19 @@ def compare(
     methods: Sequence[str] | str = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
-    allow_changed: bool = False,
 ) -> Comparison:
     """Compares results, or result folders, or the methods of one: differences with intervals, by
     seed where there are several of a setting, else by blocks of one second. Only seeds that all
     have are compared, and of sweeps and evaluations only the settings that all have.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the results are called,
-    in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
-    ``load``. Raises ``UserError`` for what cannot be compared.
+    in their order. ``metrics``: which, by default those that matter most. Raises ``UserError`` for
+    what cannot be compared.
     """
     if not results_:
         raise UserError("compare: expected at least one run, or its folder")
     in_hand: list[Any] = [
-        load(result, allow_changed=allow_changed) if isinstance(result, str | Path) else result
-        for result in results_
+        load(result) if isinstance(result, str | Path) else result for result in results_
     ]
     comparison = Comparison(in_hand, _names("methods", methods), labels, metrics)
     comparison.compared  # noqa: B018 - what cannot be compared is told at once

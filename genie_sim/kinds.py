@@ -101,9 +101,9 @@ class Run(results.Run, _OfRuns):
     """
 
     @classmethod
-    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Run":
+    def read(cls, folder: Path) -> "Run":
         """See ``Result``."""
-        return cls.of(seed_runs.load_run(folder, allow_changed=allow_changed))
+        return cls.of(seed_runs.load_run(folder))
 
     @classmethod
     def of(cls, run: results.Run) -> "Run":
@@ -127,8 +127,7 @@ class Run(results.Run, _OfRuns):
         """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""
         from genie_sim.runs import folder as run_folder
 
-        allowed = bool(self.changed)
-        compared = run_folder.rerun(folder_of(self), progress, allow_changed=allowed)
+        compared = run_folder.rerun(folder_of(self), progress)
         yield from _told(folder_of(self), compared)
 
 
@@ -141,9 +140,9 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
     runs: Sequence[Run]
 
     @classmethod
-    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Runs":
+    def read(cls, folder: Path) -> "Runs":
         """See ``Result``."""
-        return cls.of(seed_runs.load_seeds(folder, allow_changed=allow_changed))
+        return cls.of(seed_runs.load_seeds(folder))
 
     @classmethod
     def of(cls, runs: SeedRuns) -> "Runs":
@@ -192,22 +191,22 @@ KINDS = {
 }
 
 
-def load(folder: Path, *, allow_changed: bool = False) -> Result:
+def load(folder: Path) -> Result:
     """What a result folder holds. Raises ``UserError`` for any other folder."""
     kind: type[Result] = Runs if seed_runs.is_seeds_folder(folder) else Run
     for file, (module, name) in KINDS.items():
         if kind is Run and (folder / file).is_file():
             kind = getattr(import_module(module), name)
-    return kind.read(folder, allow_changed=allow_changed)
+    return kind.read(folder)
 
 
 def shown(
-    folders: Sequence[Path], methods: Sequence[str], labels: Sequence[str], allow_changed: bool
+    folders: Sequence[Path], methods: Sequence[str], labels: Sequence[str]
 ) -> Result | Comparison:
     """What result folders hold, of these methods and called by these labels; several compared.
     Raises ``UserError``.
     """
-    loaded = [load(folder, allow_changed=allow_changed) for folder in folders]
+    loaded = [load(folder) for folder in folders]
     if len(loaded) > 1:
         return Comparison(loaded, methods, labels)
     if len(labels) > 1:

@@ -1,4 +1,6 @@
-"""Where the checkout is, copies of what is in it, and the type of what runs its command line."""
+"""Where the checkout is, copies of what is in it, results that were changed, and the type of what
+runs its command line.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,8 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+
+from genie_sim.record import provenance
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -18,6 +22,18 @@ def copied(source: Path, target: Path, *left_out: str) -> Path:
         if path.is_dir():
             path.chmod(0o755)
     return target
+
+
+def sign(folder: Path) -> None:
+    """Makes a result folder say of its files what they are now, as one who hides a change does."""
+    for path in folder.rglob("*.json"):
+        about = provenance.read_json(path)
+        if not isinstance(about, dict) or not isinstance(about.get("digests"), dict):
+            continue
+        about["digests"] |= provenance.digests(path.parent, about["digests"])
+        if "run_id" in about and "facts" in about:
+            about["run_id"] = provenance.run_id(about["facts"])
+        provenance.write_json(path, about, sort_keys=False)
 
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]

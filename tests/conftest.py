@@ -51,28 +51,26 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def kitti_root() -> Path:
     """The folder of real KITTI frames; skips the test where there is none."""
-    return _real_data("GENIE_SIM_KITTI", "real KITTI frames")
+    return _real_data("GENIE_SIM_KITTI")
 
 
 @pytest.fixture(scope="session")
 def weights_dir() -> Path:
     """The folder of real detector weights; skips the test where there is none."""
-    return _real_data("GENIE_SIM_WEIGHTS", "real detector weights")
+    return _real_data("GENIE_SIM_WEIGHTS")
 
 
 @pytest.fixture(scope="session")
 def v2v4real_root() -> Path:
     """The folder of DMSTrack's text files of V2V4Real; skips the test where there is none."""
-    return _real_data("GENIE_SIM_V2V4REAL", "the text files of V2V4Real")
+    return _real_data("GENIE_SIM_V2V4REAL")
 
 
-def _real_data(variable: str, what: str) -> Path:
-    value = os.environ.get(variable)
-    if not value:
-        pytest.skip(f"needs {what}: {variable} is not set")
-    if not Path(value).is_dir():
-        pytest.skip(f"needs {what}: {variable}={value} is not a folder")
-    return Path(value).resolve()
+def _real_data(variable: str) -> Path:
+    folder = os.environ.get(variable)
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("needs real data, in the folders that variables say (tests/README.md)")
+    return Path(folder).resolve()
 
 
 @pytest.fixture

@@ -1,8 +1,7 @@
-"""Results that somebody changed: refused in one line, or marked wherever they are shown."""
+"""Results that somebody changed: refused in one line, or read for what they are."""
 
 from __future__ import annotations
 
-import ast
 import json
 import shutil
 from pathlib import Path
@@ -17,7 +16,7 @@ from genie_sim.record import provenance, results
 from genie_sim.report.output import Output
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
-from tests.checkout import REPOSITORY, copied
+from tests.checkout import REPOSITORY, copied, sign
 
 SHORT = ["cars[0].route.window=[0 s, 1 s]", "methods=[local, genie]"]
 READERS = (
@@ -103,20 +102,11 @@ def test_every_command_that_reads_results_names_the_file_that_was_changed(
     assert main([command[0], str(folder), *command[1:]]) == 1
     printed = capsys.readouterr()
     assert printed.err == (
-        f"genie-sim: result: changed since the results were written: {name}; "
-        "--allow-changed reads them all the same\n"
+        f"genie-sim: result: changed since the results were written: {name}; make them again\n"
     )
     assert not printed.out and sorted(path.name for path in folder.iterdir()) == before
     with pytest.raises(UserError, match=f"written: {name};"):
         gs.load(folder)
-
-
-def fit_digest(folder: Path, name: str) -> None:
-    """As one who does not want the change to be seen."""
-    path = folder / ("run.json" if (folder / "run.json").is_file() else "sweep.json")
-    about = json.loads(path.read_text())
-    about["digests"] |= provenance.digests(folder, [name])
-    provenance.write_json(path, about, sort_keys=False)
 
 
 @pytest.mark.parametrize("kept", ["all twice", "none", "one twice, one not"])
@@ -132,7 +122,7 @@ def test_rows_that_are_not_those_of_the_run_are_refused(kept, folder):
         "one twice, one not": [table.slice(0, 1), table.slice(0, len(table) - 1)],
     }[kept]
     pq.write_table(pa.concat_tables(rows), path)
-    fit_digest(folder, path.name)
+    sign(folder)
     with pytest.raises(UserError, match=r"frames\.parquet: (holds|row 1: method, car)"):
         gs.load(folder)
 
@@ -160,7 +150,7 @@ def test_a_number_that_no_run_has_is_named_with_its_row_and_field(field, value, 
     place = next(place for place, row in enumerate(metrics) if row["low"] is not None)
     metrics[place][field] = value
     path.write_text(json.dumps(metrics))
-    fit_digest(folder, path.name)
+    sign(folder)
     with pytest.raises(UserError, match=rf"metrics\.json: row {place}: {field}: "):
         gs.load(folder)
 
@@ -176,7 +166,7 @@ def test_rows_of_metrics_that_no_run_writes_are_named(change, folder):
         "no list": {},
     }[change]
     path.write_text(json.dumps(changed))
-    fit_digest(folder, path.name)
+    sign(folder)
     where = "must be a list" if change == "no list" else f"row {len(metrics)}: "
     with pytest.raises(UserError, match=rf"metrics\.json: {where}"):
         gs.load(folder)
@@ -219,33 +209,6 @@ def test_what_a_sweep_says_of_itself_is_of_its_kind(name, kind, wrong, tmp_path)
             read_about(tmp_path)
 
 
-@pytest.mark.slow
-def test_what_is_made_of_changed_files_says_so(folder, capsys):
-    change_a_metric(folder)
-    change_the_scenario(folder)
-    warning = "CHANGED since the results were written: metrics.json, scenario.resolved.yaml"
-    assert main(["report", str(folder), "--allow-changed"]) == 0
-    page = (folder / "report.html").read_text(encoding="utf-8")
-    assert warning in page
-    for format in ("markdown", "latex"):
-        capsys.readouterr()
-        assert main(["table", str(folder), "--format", format, "--allow-changed"]) == 0
-        assert warning in capsys.readouterr().out
-        assert main(["compare", str(folder), "--format", format, "--allow-changed"]) == 0
-        assert warning in capsys.readouterr().out
-    for command in ("table", "compare"):
-        assert main([command, str(folder), "--format", "csv", "--allow-changed"]) == 0
-        head, *rows = capsys.readouterr().out.splitlines()
-        assert head.endswith(",changed") and all("metrics.json" in row for row in rows)
-    assert main(["compare", str(folder), "--out", "compared", "--allow-changed"]) == 0
-    assert warning in Path("compared/compare.html").read_text(encoding="utf-8")
-    assert main(["figures", str(folder), "--format", "svg", "--allow-changed"]) == 0
-    assert warning in (folder / "figures" / "latency_cdf.svg").read_text(encoding="utf-8")
-    run = gs.load(folder, allow_changed=True)
-    assert list(run.changed) == ["metrics.json", "scenario.resolved.yaml"]
-    assert warning in gs.compare(run).text() and warning in run.footer
-
-
 @pytest.mark.parametrize("name", ["genie_sim", "plugins", "traces"])
 def test_a_folder_that_lacks_a_fact_is_told_in_one_line(name, folder, capsys):
     path = folder / "run.json"
@@ -268,26 +231,10 @@ def test_a_table_with_a_number_that_no_run_writes_is_told_in_one_line(folder, ca
     stamps = pa.array([None] * len(table), pa.int64())
     field = table.schema.field(place).with_nullable(True)
     pq.write_table(table.set_column(place, field, stamps), path)
-    assert main(["compare", str(folder), "--allow-changed"]) == 1
+    sign(folder)
+    assert main(["compare", str(folder)]) == 1
     printed = capsys.readouterr().err
     assert printed.startswith("genie-sim: ") and printed.count("\n") == 1
-
-
-def test_what_nobody_changed_carries_no_warning(folder, capsys):
-    assert main(["table", str(folder)]) == 0 and "CHANGED" not in capsys.readouterr().out
-    assert main(["table", str(folder), "--format", "csv"]) == 0
-    assert "changed" not in capsys.readouterr().out
-    assert gs.load(folder).changed == () and not gs.load(folder).warning
-
-
-def test_a_rerun_names_the_changed_file_and_ignores_foreign_ones(folder, capsys):
-    (folder / "figures").mkdir()
-    (folder / "figures" / "notes.txt").touch()
-    (folder / "figures" / "photo.png").touch()
-    change_a_metric(folder)
-    assert main(["rerun", str(folder), "--allow-changed"]) == 1
-    different = [line for line in capsys.readouterr().out.splitlines() if "DIFFERENT" in line]
-    assert different == ["metrics.json: DIFFERENT"]
 
 
 @pytest.mark.parametrize("name", ["scenario.resolved.yaml", "metrics.json", "frames.parquet"])
@@ -295,7 +242,7 @@ def test_nothing_outside_the_folder_is_read_through_its_names(name, folder, caps
     Path(folder / name).rename("outside")
     (folder / name).symlink_to(Path("outside").resolve())
     for command in READERS:
-        assert main([command[0], str(folder), *command[1:], "--allow-changed"]) == 1
+        assert main([command[0], str(folder), *command[1:]]) == 1
         printed = capsys.readouterr().err
         assert f"result/{name}: a link out of the result folder" in printed
         assert printed.count("\n") == 1
@@ -321,15 +268,16 @@ def test_nothing_is_written_through_a_link_out_of_the_folder(folder, capsys):
     assert not list(elsewhere.iterdir())
 
 
-def test_a_run_of_every_kind_of_fact_is_of_its_id(finished):
-    assert provenance.is_of_its_id(provenance.read_run_json(finished))
-    assert set(results.FILES) == provenance.read_run_json(finished)["digests"].keys()
+def test_a_run_has_a_digest_of_each_of_its_files(finished):
+    about = provenance.read_run_json(finished)
+    assert set(results.FILES) == about["digests"].keys()
+    provenance.check_unchanged(finished, about, results.FILES)
 
 
 def test_the_committed_evaluation_is_what_was_written():
     folder = REPOSITORY / "results" / "paper"
-    known = provenance.read_json(folder / "run.json")["digests"]
-    assert provenance.changed_files(folder, known, known) == ()
+    about = provenance.read_json(folder / "run.json")
+    provenance.check_unchanged(folder, about, about["digests"])
 
 
 @pytest.mark.slow
@@ -340,8 +288,6 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     (folder / "verdicts.json").write_text((folder / "verdicts.json").read_text() + "\n")
     assert main(["report", str(folder), "--out", str(page)]) == 1
     assert "changed since the results were written: verdicts.json" in capsys.readouterr().err
-    assert main(["report", str(folder), "--out", str(page), "--allow-changed"]) == 0
-    assert "CHANGED since the results were written: verdicts.json" in page.read_text()
 
     gs.sweep(
         "street_1car_homo",
@@ -356,23 +302,3 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     (folder / "table.parquet").write_bytes((folder / "table.parquet").read_bytes() + b" ")
     assert main(["table", str(folder)]) == 1
     assert "table.parquet" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_no_function_takes_changed_files_unless_it_is_told_to():
-    """Of every function and method of the package with an ``allow_changed``."""
-    found = []
-    for path in sorted((REPOSITORY / "genie_sim").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if not isinstance(node, ast.FunctionDef):
-                continue
-            arguments = node.args
-            places = [*arguments.posonlyargs, *arguments.args]
-            defaults = [None] * (len(places) - len(arguments.defaults)) + arguments.defaults
-            pairs = [*zip(places, defaults, strict=True)]
-            pairs += zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
-            for argument, default in pairs:
-                if argument.arg == "allow_changed" and default is not None:
-                    found.append(node.name)
-                    assert ast.unparse(default) == "False", f"{path.name}: {node.name}"
-    assert len(found) > 10

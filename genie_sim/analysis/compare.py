@@ -104,16 +104,14 @@ class Difference(NamedTuple):
 class ComparedRuns:
     """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that
     differs, with its value under every setting, in the order of ``names``.
-    ``warning`` says which files of the runs were changed; empty if none was. ``left_out`` says
-    which seeds are compared, where not all settings have the same. ``metrics`` are those that were
-    asked for, none for the usual ones.
+    ``left_out`` says which seeds are compared, where not all settings have the same. ``metrics``
+    are those that were asked for, none for the usual ones.
     """
 
     arms: Sequence[Arm]
     rows: Sequence[Difference]
     names: Sequence[str]
     settings: Mapping[str, Sequence[str]]
-    warning: str = ""
     left_out: str = ""
     metrics: Sequence[str] = ()
 
@@ -246,9 +244,7 @@ def _compared(
                 row = _over_blocks(row, of_rows[arm.label], of_rows[reference.label])
             if row is not None:
                 rows.append(row)
-    changed = (run for side in sides for by in side.values() for run in by.values() if run.changed)
-    warning = " ".join(dict.fromkeys(f"{run.name}-{run.run_id}: {run.warning}." for run in changed))
-    return ComparedRuns(arms, rows, names, _settings(firsts), warning, left_out, metrics)
+    return ComparedRuns(arms, rows, names, _settings(firsts), left_out, metrics)
 
 
 def _common(

@@ -24,14 +24,13 @@ ABOUT_SHARES = "Differences of shares are in percentage points."
 def text(comparison: ComparedRuns, format: str = "markdown") -> str:
     """The numbers; markdown and LaTeX round, csv does not. Raises UserError for another format."""
     if renderers.checked(format) == "csv":
-        changed = [comparison.warning] if comparison.warning else []
-        return renderers.csv_of_rows(FIELDS, tidy_rows(comparison), changed)
+        return renderers.csv_of_rows(FIELDS, tidy_rows(comparison))
     table = pairs(comparison)
     if format == "markdown":
-        return renderers.markdown(replace(table, notes=[comparison.left_out, comparison.warning]))
+        return renderers.markdown(replace(table, notes=[comparison.left_out]))
     name = " and ".join(comparison.names)
-    notes = [about(comparison), comparison.warning]
-    return renderers.latex(replace(table, title=f"{name}: paired differences", notes=notes), name)
+    titled = replace(table, title=f"{name}: paired differences", notes=[about(comparison)])
+    return renderers.latex(titled, name)
 
 
 def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:

@@ -15,7 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.result_table import Cell
-from genie_sim.analysis.statistics import Blocks, Estimate, around_mean, percentile, ratio
+from genie_sim.analysis.statistics import (
+    Blocks,
+    Estimate,
+    around_mean,
+    percentile,
+    ratio,
+    rows_needed,
+)
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.record.columns import Columns, joined
 
@@ -278,7 +285,7 @@ def times(
                 meaning=meaning,
                 formula=formula,
                 tier=tier,
-                needs=100 // (100 - percent) if percent else 0,
+                needs=rows_needed(percent) if percent else 0,
                 **words,
             ),
         )

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import OutputKind, atomic_write, usable
-from genie_sim.base.text import one_line, significant
+from genie_sim.base.text import number_text, one_line, significant
 from genie_sim.record.results import TIDY_FIELDS
 from genie_sim.record.tables import harmless
 
@@ -54,7 +54,7 @@ ESCAPES = str.maketrans(
         "^": r"\textasciicircum{}",
     }
 )
-PACKAGES = ("booktabs", "siunitx")
+PACKAGES = ("booktabs", "array")
 MAX_NARROW = 3  # columns of numbers in a column of two
 MAX_WIDE = 6  # and over both
 MAX_ROWS = 25  # with intervals below them they take the height of a page
@@ -207,8 +207,8 @@ def _line(title: str, title_width: int, cells: Sequence[str], widths: Sequence[i
 
 
 def latex(table: ResultTable, name: str) -> str:
-    """A floating table with rules of ``booktabs`` and columns of ``siunitx``, over both columns of
-    a page if one is too narrow. What fits no page is divided into several tables, with the notes
+    """A floating table with rules of ``booktabs``, over both columns of a page if one is too
+    narrow. What fits no page is divided into several tables, with the notes
     below the last. A value stands above its interval, so a table of three methods fits a column of
     two.
 
@@ -237,7 +237,6 @@ def latex(table: ResultTable, name: str) -> str:
             rf"\begin{{{environment}}}[!t]",
             r"\centering",
             r"\setlength{\tabcolsep}{3pt}\renewcommand{\arraystretch}{0.96}",
-            r"\sisetup{group-separator={,},group-minimum-digits=4}",  # as a terminal shows them
             rf"\caption{{{_escaped(table.title + of_parts)}}}",
             rf"\label{{tab:{label}{f'-{number}' if number > 1 else ''}}}",
             r"\footnotesize",
@@ -263,16 +262,17 @@ def _blocks(length: int, most: int) -> list[slice]:
 
 
 def _tabular(table: ResultTable, wide: bool) -> str:
-    formats = [
-        _format([row.cells[place] for row in table.rows]) for place in range(len(table.columns))
+    texts = [
+        any(isinstance(row.cells[place].value, str) for row in table.rows)
+        for place in range(len(table.columns))
     ]
     width = 0.30 if wide else 0.34
     lines = [
         rf"\begin{{tabular}}{{@{{}}>{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}",
-        *(f"  {numbers}" for numbers in formats),
+        f"  {''.join('l' if is_text else 'r' for is_text in texts)}",
         r"  @{}}",
         r"\toprule",
-        " & ".join([_escaped(table.corner), *map(_heading, table.columns)]).strip() + r" \\",
+        " & ".join([_title(table.corner), *map(_heading, table.columns)]).strip() + r" \\",
         r"\midrule",
         *(line for row in table.rows for line in _lines(row)),
         r"\bottomrule",
@@ -293,83 +293,58 @@ def _escaped(text: str) -> str:
     return one_line(text).translate(ESCAPES)
 
 
-def siunitx(value: float, sign: str = "") -> str:
-    """A number to three significant digits as siunitx reads it: without commas and exponents."""
-    if value == 0:
-        return "0"
-    places = max(2 - int(f"{value:e}".partition("e")[2]), 0)
-    text = f"{value:{sign}.{places}f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
+def _number(value: float, sign: str) -> str:
+    return number_text(value, sign=sign).replace("-", "$-$") if value else "0"
 
 
 def _value(cell: Cell) -> str:
-    """A number as siunitx reads it; anything else in braces, so that siunitx takes it for text."""
     if isinstance(cell.value, str):
         return _escaped(cell.value)
     if cell.value is None or not cell.is_defined:
-        return f"{{{UNDEFINED}}}"
-    return siunitx(cell.value, cell.sign)
+        return UNDEFINED
+    return _number(cell.value, cell.sign)
 
 
 def _ends(cell: Cell) -> str:
     """The interval in brackets; nothing where its ends are written as the number is."""
     if cell.low is None or cell.high is None:
         return ""
-    low, high = siunitx(cell.low, cell.sign), siunitx(cell.high, cell.sign)
-    if low == high == _value(cell):
-        return ""
-    ends = ", ".join(siunitx(end, f"{cell.sign},") for end in (cell.low, cell.high))
-    return rf"{{\scriptsize [{ends}]}}"
-
-
-def _format(cells: Sequence[Cell]) -> str:
-    """The column in which all these numbers stand with their points below each other; one of
-    texts is ragged.
-    """
-    if any(isinstance(cell.value, str) for cell in cells):
-        return "l"
-    numbers = [_value(cell) for cell in cells if cell.is_defined]
-    parts = [number.lstrip("+-").partition(".") for number in numbers]
-    whole = max((len(before) for before, _, _ in parts), default=1)
-    decimals = max((len(after) for _, _, after in parts), default=0)
-    signed = any(number[0] in "+-" for number in numbers)
-    sign = "+" if signed else ""
-    more = ", retain-explicit-plus" if signed else ""
-    return f"S[table-format={sign}{whole}.{decimals}{more}]"
+    low, high = (_number(end, cell.sign) for end in (cell.low, cell.high))
+    return "" if low == high == _value(cell) else rf"{{\scriptsize [{low}, {high}]}}"
 
 
 def _heading(heading: str) -> str:
-    """In braces, so that siunitx takes it for text; long ones in lines of their own."""
+    """Long ones in lines of their own."""
     lines = textwrap.wrap(one_line(heading), HEADING_CHARACTERS) or [""]
     stacked = r"\\{}".join(map(_escaped, lines))  # braces: a line may begin with "["
-    return rf"{{\shortstack{{{stacked}}}}}"
+    return rf"\shortstack[r]{{{stacked}}}"
+
+
+def _title(text: str) -> str:
+    """Of a row. One that begins with "[" or "*" would belong to the end of the row before."""
+    return re.sub(r"^(?=[\[*])", "{}", _escaped(text))
 
 
 def _lines(row: Row) -> list[str]:
-    """The row, and below it the intervals if there are any. A title that begins with "[" or "*"
-    would belong to the end of the row before.
-    """
-    lines = [[re.sub(r"^(?=[\[*])", "{}", _escaped(row.title)), *map(_value, row.cells)]]
+    """The row, and below it the intervals if there are any."""
+    lines = [[_title(row.title), *map(_value, row.cells)]]
     if any(ends := [_ends(cell) for cell in row.cells]):
         lines.append(["", *ends])
     return [" & ".join(line).strip() + r" \\" for line in lines]
 
 
-def csv_of_rows(
-    names: Iterable[str], rows: Iterable[Sequence[Any]], changed: Sequence[str] = ()
-) -> str:
+def csv_of_rows(names: Iterable[str], rows: Iterable[Sequence[Any]]) -> str:
     """All numbers as CSV, to ten digits, one that is not defined as an empty field; no cell is a
-    formula to a spreadsheet. A last column names files which were changed since, where any was.
+    formula to a spreadsheet.
     """
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
-    last = [" ".join(changed)] if changed else []
-    for row in ([*names, *(["changed"] if changed else [])], *([*row, *last] for row in rows)):
+    for row in ([*names], *rows):
         writer.writerow([_exact_cell(cell) for cell in row])
     return to.getvalue()
 
 
-def csv_of_table(table: "pd.DataFrame", changed: Sequence[str] = ()) -> str:
+def csv_of_table(table: "pd.DataFrame") -> str:
     """The same of a table of numbers: the columns that say which setting, ``TIDY_FIELDS``, and
     what else there is.
     """
@@ -378,7 +353,7 @@ def csv_of_table(table: "pd.DataFrame", changed: Sequence[str] = ()) -> str:
     table = table if "seed" in names else table.assign(seed=None)
     columns = dict.fromkeys((*before, *TIDY_FIELDS, *names))
     rows = table.reindex(columns=list(columns)).itertuples(index=False, name=None)
-    return csv_of_rows(columns, rows, changed)
+    return csv_of_rows(columns, rows)
 
 
 def _exact_cell(cell: Any) -> Any:

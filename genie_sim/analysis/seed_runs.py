@@ -83,20 +83,10 @@ class SeedRuns:
         return self.runs[0].words
 
     @property
-    def changed(self) -> list[str]:
-        """Files that were changed since the runs wrote them."""
-        return list(dict.fromkeys(name for run in self.runs for name in run.changed))
-
-    @property
-    def warning(self) -> str:
-        """Says which files were changed; empty if none was."""
-        return " ".join(dict.fromkeys(run.warning for run in self.runs if run.warning))
-
-    @property
     def footer(self) -> str:
         """Which runs they are, below a figure."""
         which = f"{self.name}, {seeds_text(self.seeds)}"
-        return ", ".join(filter(None, [self.label, which, self.warning]))
+        return ", ".join(filter(None, [self.label, which]))
 
 
 def means_of(runs: Sequence[Run]) -> list[MetricValue]:
@@ -176,14 +166,14 @@ def is_seeds_folder(folder: Path) -> bool:
         return False
 
 
-def load_run(folder: Path, *, allow_changed: bool = False) -> Run:
+def load_run(folder: Path) -> Run:
     """The run in a result folder; with what it says of metrics of the user's own. Raises
     ``UserError``.
     """
-    return results.load(folder, checked_words, allow_changed=allow_changed)
+    return results.load(folder, checked_words)
 
 
-def load_seeds(folder: Path, *, allow_changed: bool = False) -> SeedRuns:
+def load_seeds(folder: Path) -> SeedRuns:
     """The runs of a study without axes. Raises ``UserError``."""
     about, where = read_about(folder), folder / ABOUT
     label = results.checked_label(about.get("label", ""), f"{where}: label")
@@ -195,7 +185,7 @@ def load_seeds(folder: Path, *, allow_changed: bool = False) -> SeedRuns:
         path = provenance.contained(folder, f"{RUNS}/{folder_name(seed)}")
         if not path.is_dir():
             raise UserError(f"{path}: missing; the study is not finished, run it again")
-        runs.append(replace(load_run(path, allow_changed=allow_changed), label=label))
+        runs.append(replace(load_run(path), label=label))
     return SeedRuns(runs, folder, label)
 
 

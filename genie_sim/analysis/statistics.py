@@ -215,6 +215,13 @@ def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = 
     return Estimate(value, low, high, n)
 
 
+def rows_needed(percent: int) -> int:
+    """Over how many rows a percentile has an interval: so many that one is beyond it. Of p99 a
+    hundred.
+    """
+    return math.ceil(100 / (100 - percent))
+
+
 def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Estimate:
     """A percentile of the values that are not NaN; without blocks, without an interval.
 
@@ -228,7 +235,7 @@ def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Estimate:
     value = float(np.percentile(values[known], percent))
     below = known & (values <= value)
     half = None
-    if blocks is not None and n * (100 - percent) >= 100:  # of p99 a hundred answers
+    if blocks is not None and n >= rows_needed(percent):
         half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
     if half is None:
         return Estimate(value, n=n)

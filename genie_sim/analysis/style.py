@@ -50,16 +50,19 @@ RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {
     "svg.hashsalt": "genie-sim",
 }
 TITLE_CHARACTERS = 24  # in a line beside or below an axis
-RUN_FIGURES = (  # of a run or several seeds, by the names of their files
-    "latency_accuracy",
-    "latency_cdf",
-    "time_parts",
-    "resources",
-    "image_reuse",
-    "object_reuse",
-    "confidence_boost",
-    "differences",
-)
+RUN, SEEDS = "run", "seeds"  # pages
+# The figures of a run or several seeds by the names of their files, and the pages that show them,
+# in this order.
+RUN_FIGURES: dict[str, tuple[str, ...]] = {
+    "differences": (SEEDS,),
+    "latency_accuracy": (SEEDS,),
+    "latency_cdf": (RUN, SEEDS),
+    "image_reuse": (RUN, SEEDS),
+    "object_reuse": (RUN, SEEDS),
+    "confidence_boost": (RUN, SEEDS),
+    "resources": (RUN, SEEDS),
+    "time_parts": (),
+}
 COLOURS = (
     "#E69F00",
     "#C44E00",
@@ -99,24 +102,9 @@ METHOD_STYLES = {
     "paced_tracker": 19,
 }
 FIRST_OWN_STYLES = (4, 5)  # then those after all of METHOD_STYLES
-SAME_COLOUR = 4  # styles of one colour that differ in dashes
-# dark pages
-DARK_COLOURS = (
-    "#F0B13C",
-    "#FF8A4C",
-    "#79B8FF",
-    "#35C498",
-    "#F08FC4",
-    "#5AC8FA",
-    "#A0A0A0",
-    "#E8E8E8",
-    "#B98AE0",
-    "#C99A6B",
-    "#B4D43A",
-    "#FF6B95",
-)
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
+LINES = len(COLOURS) * len(DASHES)  # of methods that differ in colour or dashes
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 # What a response time goes into: its name, and a light tone of no method's (after Paul Tol) and a
 # hatch; of lines alone, for circles take half a megabyte of an SVG.
@@ -151,16 +139,14 @@ def method_styles(names: Sequence[str]) -> list[int]:
     styles: list[int] = []
     for name in names:
         style = METHOD_STYLES.get(name.rpartition(": ")[2])
-        same_colour = (
-            () if style is None else range(style, SAME_COLOUR * len(COLOURS), len(COLOURS))
-        )
+        same_colour = () if style is None else range(style, LINES, len(COLOURS))
         of_own = chain(FIRST_OWN_STYLES, count(max(METHOD_STYLES.values()) + 1))
         styles.append(next(style for style in chain(same_colour, of_own) if style not in styles))
     return styles
 
 
 def method_line(style: int) -> dict[str, Any]:
-    """Colour, dashes and width of a method's line; no two of the first 48 are the same."""
+    """Colour, dashes and width of a method's line; no two of the first ``LINES`` are the same."""
     dashes = DASHES[(style + style // len(COLOURS)) % len(DASHES)]
     return {"color": method_colour(style), "linestyle": dashes, "linewidth": 1.7}
 

@@ -237,7 +237,7 @@ def _kind(metric: MetricValue) -> tuple[str, bool]:
 
 def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
     """The main table, or the rows of these ``metrics``, in ``markdown`` or ``latex``; in ``csv``
-    every metric with all digits. It says which files of the run were changed, if any was.
+    every metric with all digits.
     """
     main = main_table(run, metrics)
     if format == "csv":
@@ -247,11 +247,11 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
             for metric in run.measured
             if not metrics or metric.metric in metrics
         ]
-        return renderers.csv_of_rows(TIDY_FIELDS, rows, run.changed)
+        return renderers.csv_of_rows(TIDY_FIELDS, rows)
     if format == "latex":
         return _latex(run, main)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
-    return renderers.markdown(replace(main, notes=[*notes, run.warning]))
+    return renderers.markdown(replace(main, notes=notes))
 
 
 def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
@@ -261,7 +261,7 @@ def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
     titled = replace(
         table,
         title=f"{run.title}: response times, correctness and cost ({seeds})",
-        notes=[about, *table.notes, run.warning],
+        notes=[about, *table.notes],
     )
     return renderers.latex(titled, run.title)
 
@@ -429,7 +429,8 @@ def _main_notes(names: Sequence[str], numbers: _Numbers) -> Iterator[str]:
 def tables(run: Run | SeedRuns) -> Iterator[ResultTable]:
     """All tables that have a row, of methods in the order in which they ran."""
     numbers = _Numbers(run)
-    for title in SECTIONS:
+    sections = [definition(metric.metric, run.words).section for metric in run.measured]
+    for title in filter(None, dict.fromkeys((*SECTIONS, *sections))):
         table = numbers.section(title)
         if table.rows:
             yield replace(table, notes=list(_notes(title, numbers)))

@@ -63,20 +63,29 @@ class ImportReport:
         """An object was left out because nobody knows its label."""
         self.unused[one_line(label)[:60]] += count
 
-    def check_labels(self, known: int, path: object = None) -> None:
-        """Raises UserError where most detections have labels that are no classes; ``known`` have
-        such as are.
+    def check_labels(self, known: int, others: Mapping[str, int], path: object = None) -> None:
+        """Warns of detections with labels that are no classes, which are kept. Raises UserError
+        where most have such labels, kept or left out.
+
+        Parameters
+        ----------
+        known : how many have a class
+        others : how many of those that are kept have none, by label
+        path : of the file with the detections
         """
-        none = self.unused[NO_CLASS]
-        unknown_labels = self.unused.total() - none
+        left_out, none = self.unused.total(), self.unused[NO_CLASS]
+        unknown_labels = sum(others.values()) + left_out - none
+        most = (self.unused + Counter(others)).most_common(3)
+        some = ", ".join(short_repr(label) for label, _ in most)
+        text = (
+            f"{unknown_labels:,} of {known + sum(others.values()) + left_out:,} detections have "
+            f"labels that are no classes, such as {some}"
+        )
+        classes = f"classes: {', '.join(sorted(ROAD_LABELS))}"
         if unknown_labels > known + none:
-            labels = ", ".join(short_repr(label) for label, _ in self.unused.most_common(3))
-            self.refuse(
-                f"{unknown_labels:,} of {known + self.unused.total():,} detections have labels "
-                f"that are no classes, such as {labels}: say --map LABEL=CLASS; classes: "
-                f"{', '.join(sorted(ROAD_LABELS))}",
-                path,
-            )
+            self.refuse(f"{text}: say --map LABEL=CLASS; {classes}", path)
+        elif others:
+            self.warn(f"{text}; {classes}")
 
     def choose(self, what: str, chosen: str, among: Sequence[str], option: str = "") -> None:
         """One source was chosen among several, and which ``option`` chooses another."""
@@ -92,7 +101,7 @@ class ImportReport:
             low, high, _ = self._ranges.get(what, (min(numbers), max(numbers), unit))
             self._ranges[what] = (min(low, *numbers), max(high, *numbers), unit)
 
-    def usual(
+    def warn_unusual(
         self, what: str, value: float, unit: str, usual: tuple[float, float], of: str
     ) -> None:
         """Warns of a value that is not between those that are ``usual`` ``of`` something, as if it
@@ -100,26 +109,27 @@ class ImportReport:
         """
         low, high = usual
         if not low <= value <= high:
-            self.warn(
-                f"{what} {_plain(value)} {unit}, unusual {of} ({_plain(low)} to {_plain(high)} "
-                f"{unit}): is it in another unit?"
-            )
+            between = f"{_short_number(low)} to {_short_number(high)} {unit}"
+            text = f"{what} {_short_number(value)} {unit}, unusual {of} ({between})"
+            self.warn(f"{text}: is it in another unit?")
 
-    def sentinels(self, what: str, values: Sequence[float], unit: str) -> None:
+    def warn_sentinels(self, what: str, values: Sequence[float], unit: str) -> None:
         """Warns of numbers that look as if they stood for none: all the same, or far beyond all
         others.
         """
         if len(values) < FEW_VALUES:
             return
         if min(values) == max(values):
-            self.warn(f"{what}: always {_plain(max(values))} {unit}: does that stand for unknown?")
+            self.warn(
+                f"{what}: always {_short_number(max(values))} {unit}: does that stand for unknown?"
+            )
             return
         limit = FAR_OUT * sorted(values)[len(values) // 2]
         beyond = [value for value in values if value > limit > 0]
         if beyond:
             self.warn(
                 f"{what}: {len(beyond):,} of {len(values):,} values are more than {FAR_OUT} times "
-                f"the median, up to {_plain(max(beyond))} {unit}: do they stand for unknown?"
+                f"the median, up to {_short_number(max(beyond))} {unit}: do they stand for unknown?"
             )
 
     def warn(self, text: str) -> None:
@@ -132,13 +142,13 @@ class ImportReport:
             raise UserError(f"{path or self.path}: {text}; {self.option} reads it all the same")
         self.warn(text)
 
-    def dropped(self, what: str, kept: int, of: int, why: str) -> None:
+    def check_dropped(self, what: str, kept: int, of: int, why: str) -> None:
         """``kept`` of so many remain. Raises UserError where most are gone."""
         if kept < of * (1 - DROPPED_SHARE):
             self.refuse(f"{of - kept:,} of {of:,} {what} would be left out: {why}")
         self.leave_out(f"{what}: {why}", of - kept)
 
-    def times(
+    def check_times(
         self, what: str, times_s: Sequence[float], between: str, long_s: float = LONG_PERIOD_S
     ) -> None:
         """Times in order. Warns of long periods and gaps, and raises UserError for such as no
@@ -162,9 +172,9 @@ class ImportReport:
             self.refuse(f"{told}: are the times in another unit than they say?")
         elif period_s > long_s / GAP_PERIODS or period_s < USUAL_PERIOD_S:
             self.warn(told)
-        self.gaps(what, times_s)
+        self.check_gaps(what, times_s)
 
-    def gaps(self, what: str, times_s: Sequence[float]) -> None:
+    def check_gaps(self, what: str, times_s: Sequence[float]) -> None:
         """Warns of the longest gap between times in order, if it is longer than usual. Raises
         UserError for one that no recording has.
         """
@@ -178,7 +188,7 @@ class ImportReport:
         elif longest_s > max(LONG_GAP_S, usual_s):
             self.warn(f"{what}: a gap of {longest_s:.3g} s")
 
-    def way(self, name: str, times_s: Sequence[float], places: Any) -> None:
+    def check_way(self, name: str, times_s: Sequence[float], places: Any) -> None:
         """Where one car was, in order of time; ``places`` (n, 2) [m]. Warns of gaps; raises
         UserError where it goes faster than any car, or where too few places are known.
         """
@@ -196,8 +206,8 @@ class ImportReport:
             f"{duration_s:,.4g} s at {rate:.3g} Hz, path {steps_m.sum():,.4g} m, "
             f"top speed {speeds.max():.3g} m/s"
         )
-        self.speeds(name, speeds, duration_s)
-        self.times(name, t_s.tolist(), "in between it drives straight")
+        self.check_speeds(name, speeds, duration_s)
+        self.check_times(name, t_s.tolist(), "in between it drives straight")
 
     def in_order(self, what: str, rows: Sequence[Row], key: Callable[[Row], Any]) -> list[Row]:
         """Rows in order of time, which ``key`` tells. Warns where they are in another."""
@@ -207,7 +217,7 @@ class ImportReport:
             self.warn(f"{what}: {early:,} rows are earlier than the one before: sorted by time")
         return sorted(rows, key=key)
 
-    def heading(
+    def check_heading(
         self, what: str, angle_deg: Any, *, steps_m: Any, passed_s: Any, from_north: bool = False
     ) -> None:
         """Warns of a heading beside the way driven. Raises UserError for radians that were read as
@@ -235,7 +245,7 @@ class ImportReport:
             counts = FROM_NORTH if from_north else FROM_EAST
             self.warn(f"{what} is {off_deg:.0f} degrees beside the way driven: it must {counts}")
 
-    def speeds(self, name: str, speeds_mps: Any, duration_s: float) -> None:
+    def check_speeds(self, name: str, speeds_mps: Any, duration_s: float) -> None:
         """The speeds from step to step. Raises UserError where they are none of a car."""
         top_mps, steps = float(speeds_mps.max(initial=0.0)), len(speeds_mps)
         fast = int((speeds_mps > FASTEST_MPS).sum())
@@ -263,7 +273,7 @@ class ImportReport:
             ),
             "chosen": "; ".join(self.chosen[:MAX_NAMED]),
             "ranges": _listed(
-                f"{what} {_plain(low)} to {_plain(high)} {unit}".rstrip()
+                f"{what} {_short_number(low)} to {_short_number(high)} {unit}".rstrip()
                 for what, (low, high, unit) in self._ranges.items()
             ),
             "ways": _listed((f"{name}: {way}" for name, way in self.ways.items()), "; "),
@@ -328,7 +338,7 @@ def class_map(option: str, pairs: Iterable[str], classes: Collection[str]) -> di
     return chosen
 
 
-def _plain(value: float) -> str:
+def _short_number(value: float) -> str:
     """Four digits, or all before the point."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 

@@ -62,13 +62,6 @@ class Key:
 
 
 @dataclasses.dataclass(frozen=True)
-class OneOf:
-    """What a value of several types may be besides its named choices, in words."""
-
-    words: str
-
-
-@dataclasses.dataclass(frozen=True)
 class Short:
     """Texts that are read as well, such as ``10 MB`` for a mapping, or the name of a plug-in; the
     class method ``expand`` reads them.

@@ -136,8 +136,8 @@ def resolve(
 
 
 class OwnPlace(NamedTuple):
-    """Where code of the user's own is: its class, such as ``fault 'mine:Flap'``, of a function
-    beside classes each that a scenario names; and ``mine.py, line 12, in run``.
+    """Where code of the user's own is: its class, such as ``fault 'mine:Flap'``, or where no class
+    called it each that is named of its module; and ``mine.py, line 12, in run``.
     """
 
     owners: tuple[str, ...]
@@ -164,16 +164,19 @@ def own_place(error: BaseException) -> OwnPlace | None:
     """Where in code of the user's own an exception was raised, or what raised it was called."""
     import traceback
 
-    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        classes = _own_modules.get(frame.f_globals.get("__name__", ""))
-        if classes is not None:
-            code = frame.f_code
-            owner = classes.get(code.co_qualname.partition(".")[0])
-            owners = (*classes.values(),) if owner is None else (owner,)
-            file = Path(code.co_filename).name
-            return OwnPlace(owners, f"{file}, line {line}, in {code.co_name}")
+    place = None
+    for frame, number in reversed(list(traceback.walk_tb(error.__traceback__))):
+        code, classes = frame.f_code, _own_modules.get(frame.f_globals.get("__name__", ""))
+        if classes is None:
+            continue
+        if place is None:
+            line = f"{Path(code.co_filename).name}, line {number}, in {code.co_name}"
+            place = OwnPlace((*classes.values(),), line)
+        owner = classes.get(code.co_qualname.partition(".")[0])
+        if owner is not None:
+            return place._replace(owners=(owner,))
     # SimPy raises a copy of what ends a process
-    return None if error.__cause__ is None else own_place(error.__cause__)
+    return own_place(error.__cause__) if place is None and error.__cause__ is not None else place
 
 
 @contextmanager

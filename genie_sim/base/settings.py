@@ -9,10 +9,10 @@ A class may have a class method ``expand``, which turns a short form into a mapp
 before it is read, and a method ``shorten``, which does the opposite. What its ``__post_init__``
 raises as ``SettingError`` is reported with the path of that field.
 
-Four functions go through the types that a setting may have, and a new one needs a case in each:
-``_value`` reads it, ``_fits`` says whether it is meant in a union, ``_plain`` writes it, and
-``scenario.schema._schema`` tells editors of it. ``tests/scenario/test_kinds_of_settings.py`` takes
-every type through all four.
+A new type that a setting may have is a row of ``PLAIN``, or a case of ``_fits``, which tells it
+apart in a union; and, unless what YAML has is the value, a case of ``_value``, which reads it, of
+``_plain``, which writes it, and of ``scenario.schema._schema``, which tells editors of it.
+``tests/scenario/test_kinds_of_settings.py`` takes every type through all of them.
 """
 
 import dataclasses
@@ -28,7 +28,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
-from genie_sim.base.marks import ENDINGS, Bounds, Key, Matches, NotEmpty, OneOf, Short
+from genie_sim.base.marks import ENDINGS, Bounds, Key, Matches, NotEmpty, Short
 from genie_sim.base.plugins import Choice, Parameter
 from genie_sim.base.setting_errors import SettingError, join, must, quoted
 from genie_sim.base.units import Quantity
@@ -39,6 +39,32 @@ REQUIRED = inspect.Parameter.empty  # the default of a setting that must be give
 
 
 # --- the settings of a class
+
+
+class Plain(NamedTuple):
+    """What stands in YAML for a type: what Python reads it as, its name in error lines and in JSON
+    Schema.
+    """
+
+    classes: tuple[type, ...]
+    words: str
+    schema: str
+
+    def holds(self, value: object) -> bool:
+        """Whether a value is one; true and false are no numbers."""
+        return isinstance(value, self.classes) and isinstance(value, bool) is (bool in self.classes)
+
+
+PLAIN: Mapping[Any, Plain] = {
+    NoneType: Plain((NoneType,), "null", "null"),
+    bool: Plain((bool,), "true or false", "boolean"),
+    int: Plain((int,), "a whole number", "integer"),
+    float: Plain((int, float), "a number", "number"),
+    str: Plain((str,), "text", "string"),
+    Literal: Plain((str,), "text", "string"),
+    tuple: Plain((list, tuple), "a list", "array"),
+    Mapping: Plain((Mapping,), "a mapping", "object"),
+}
 
 
 class Kind(NamedTuple):
@@ -58,6 +84,11 @@ class Kind(NamedTuple):
             annotation, *own = get_args(annotation)
             marks = {**marks, **{type(mark): mark for mark in own}}
         return cls(get_origin(annotation) or annotation, get_args(annotation), marks, name)
+
+    @property
+    def plain(self) -> Plain | None:
+        """What it is in YAML; ``None``: anything."""
+        return PLAIN.get(Mapping if is_mapping(self.type) else self.type)
 
     @property
     def members(self) -> "list[Kind]":
@@ -148,6 +179,11 @@ def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
     return None
 
 
+def is_mapping(kind: Any) -> bool:
+    """Whether a type is a mapping's."""
+    return isinstance(kind, type) and issubclass(kind, Mapping)
+
+
 def is_settings_class(kind: Any) -> bool:
     """Whether a type is a settings class, which a plug-in by name is not."""
     return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
@@ -188,34 +224,36 @@ def _value(kind: Kind, value: Any, base: object = None) -> Any:
     plug_in: PlugIn | None = kind.marks.get(PlugIn)
     if plug_in is not None and kind.type in (str, Choice):
         return plug_in.name(value) if kind.type is str else plug_in.read(value, base)
-    match kind.type:
-        case origin if origin in (Union, UnionType):
-            return _value(_member(kind, value), value, base)
-        case origin if origin is Literal:
-            if value not in kind.arguments:
-                others = f", {kind.marks[OneOf].words}" if OneOf in kind.marks else ""
-                raise SettingError("", unknown(kind.name, value, kind.arguments) + others)
-        case cls if cls is bool:
-            _check_type(value, bool, "true or false")
-        case cls if cls is int or cls is float:
-            return _number(kind, value)
-        case cls if cls is str:
-            _check_type(value, str, "text")
-            _check_text(kind, value)
-        case origin if origin is tuple and kind.arguments:
-            return _items(kind, value)
-        case type() as origin if kind.arguments and issubclass(origin, Mapping):
-            _check_type(value, Mapping, "a mapping")
-            _check_not_empty(kind, value)
-            keys, items = kind.items
-            pairs = ((quoted(key), (key, item)) for key, item in value.items())
-            return dict(
-                _each(pairs, lambda _, pair: (_value(keys, pair[0]), _value(items, pair[1])))
-            )
-        case cls if is_settings_class(cls):
-            return _class_value(cls, value, base)
-        case cls if cls is NoneType:
-            return None
+    if kind.type in (Union, UnionType):
+        return _value(_member(kind, value), value, base)
+    if is_settings_class(kind.type):
+        return _class_value(kind.type, value, base)
+    if kind.type is Literal:
+        if value not in kind.arguments:
+            raise SettingError("", unknown(kind.name, value, kind.arguments))
+        return value
+    if Quantity in kind.marks and kind.type in (int, float):
+        return _quantity(kind, value)
+    plain = kind.plain
+    if plain is None:
+        return value
+    if not plain.holds(value):
+        raise must(f"be {plain.words}", value)
+    if NotEmpty in kind.marks and not value:
+        raise SettingError("", "must not be empty")
+    if kind.type in (int, float):
+        return _number(kind, value)
+    if Matches in kind.marks and kind.type is str:
+        _check_text(kind.marks[Matches], value)
+    elif kind.type is tuple and kind.arguments:
+        kinds = _kinds_of_items(kind, value)
+        if len(kinds) != len(value):
+            raise SettingError("", f"must hold {len(kinds)} values, not {len(value)}")
+        return tuple(_each(enumerate(value), lambda place, item: _value(kinds[place], item)))
+    elif kind.arguments:  # of a mapping
+        keys, items = kind.items
+        pairs = ((quoted(key), (key, item)) for key, item in value.items())
+        return dict(_each(pairs, lambda _, pair: (_value(keys, pair[0]), _value(items, pair[1]))))
     return value
 
 
@@ -240,23 +278,13 @@ def _fits(kind: Kind, value: object) -> bool:
     """Whether a value is written, or was read, as those of this member of a union are."""
     if PlugIn in kind.marks and kind.type in (str, Choice):
         return value is not None
-    match kind.type:
-        case origin if origin in (Union, UnionType):
-            return any(_fits(member, value) for member in kind.members)
-        case cls if cls is NoneType:
-            return value is None
-        case cls if cls is bool:
-            return isinstance(value, bool)
-        case cls if cls is int or cls is float:
-            return _is_number(value) or (Quantity in kind.marks and isinstance(value, str))
-        case origin if origin is tuple:
-            return isinstance(value, list | tuple)
-        case cls if is_settings_class(cls):
-            short = hasattr(cls, "expand") and value is not None
-            return short or isinstance(value, Mapping | cls)
-        case type() as origin if issubclass(origin, Mapping):
-            return isinstance(value, Mapping)
-    return isinstance(value, str)
+    if kind.type in (Union, UnionType):
+        return any(_fits(member, value) for member in kind.members)
+    if is_settings_class(kind.type):
+        short = hasattr(kind.type, "expand") and value is not None
+        return short or isinstance(value, Mapping | kind.type)
+    has_unit = Quantity in kind.marks and kind.type in (int, float)
+    return (kind.plain or PLAIN[str]).holds(value) or (has_unit and isinstance(value, str))
 
 
 def _member(kind: Kind, value: object) -> Kind:
@@ -264,32 +292,31 @@ def _member(kind: Kind, value: object) -> Kind:
     for member in kind.members:
         if _fits(member, value):
             return member
-    if OneOf in kind.marks:
-        named = [
-            word for member in kind.members if member.type is Literal for word in member.arguments
-        ]
-        raise must(f"be {', '.join([*named, kind.marks[OneOf].words])}", value)
-    return next(member for member in kind.members if member.type is not NoneType)
+    first, *others = [member for member in kind.members if member.type is not NoneType]
+    if not others:
+        return first
+    words = [member.plain.words if member.plain else "a mapping" for member in (first, *others)]
+    raise must(f"be {' or '.join(words)}", value)
 
 
-def _number(kind: Kind, value: Any) -> float:
-    bounds, unit = kind.marks.get(Bounds, Bounds()), kind.marks.get(Quantity)
-    number: float = value
-    if unit is not None:
-        try:
-            number = unit.read(value)
-        except ValueError as error:
-            raise SettingError("", str(error)) from error
-        if not bounds.contain(number):
-            words = f"be {bounds.words(unit.text)}"
-            if number <= 0 and 0 in (bounds.minimum, bounds.above):
-                words = "not be negative" if bounds.minimum == 0 else "be more than zero"
-            raise SettingError("", f"must {words}, but is {short_repr(value)}")
-        return number
-    if kind.type is int:
-        _check_type(value, int, "a whole number")
-    else:
-        _check_type(value, int | float, "a number")
+def _quantity(kind: Kind, value: Any) -> float:
+    bounds, unit = kind.marks.get(Bounds, Bounds()), kind.marks[Quantity]
+    try:
+        number: float = unit.read(value)
+    except ValueError as error:
+        raise SettingError("", str(error)) from error
+    if not bounds.contain(number):
+        words = f"be {bounds.words(unit.text)}"
+        if number <= 0 and 0 in (bounds.minimum, bounds.above):
+            words = "not be negative" if bounds.minimum == 0 else "be more than zero"
+        raise SettingError("", f"must {words}, but is {short_repr(value)}")
+    return number
+
+
+def _number(kind: Kind, value: float) -> float:
+    bounds = kind.marks.get(Bounds, Bounds())
+    number = value
+    if kind.type is float:
         number = float(value) if abs(value) < 1e308 else math.inf
         if not math.isfinite(number):
             raise must("be a finite number", value)
@@ -298,41 +325,15 @@ def _number(kind: Kind, value: Any) -> float:
     return number
 
 
-def _check_text(kind: Kind, text: str) -> None:
-    _check_not_empty(kind, text)
-    rule = kind.marks.get(Matches)
-    if rule is not None and len(text) > rule.maximum:
+def _check_text(rule: Matches, text: str) -> None:
+    if len(text) > rule.maximum:
         raise SettingError("", f"must have at most {rule.maximum} characters, not {len(text)}")
-    if rule is not None and not re.search(rule.pattern, text):
+    if not re.search(rule.pattern, text):
         raise SettingError("", f"{rule.rule}, not {short_repr(text)}")
-
-
-def _items(kind: Kind, value: Any) -> tuple[Any, ...]:
-    """A list as a tuple."""
-    _check_type(value, list | tuple, "a list")
-    kinds = _kinds_of_items(kind, value)
-    if len(kinds) != len(value):
-        raise SettingError("", f"must hold {len(kinds)} values, not {len(value)}")
-    _check_not_empty(kind, value)
-    return tuple(_each(enumerate(value), lambda place, item: _value(kinds[place], item)))
 
 
 def _kinds_of_items(kind: Kind, value: Collection[Any]) -> list[Kind]:
     return kind.items * len(value) if kind.arguments[-1] is ... else kind.items
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _check_type(value: object, kind: Any, words: str) -> None:
-    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise must(f"be {words}", value)
-
-
-def _check_not_empty(kind: Kind, value: Any) -> None:
-    if NotEmpty in kind.marks and not value:
-        raise SettingError("", "must not be empty")
 
 
 def _class_value(cls: type[Any], value: Any, base: Any) -> Any:
@@ -619,7 +620,7 @@ def _plain(kind: Kind, value: Any) -> Any:
             return value.shorten()
         cls = type(value)
         return written(cls, {name: getattr(value, name) for name in names_of(cls)})
-    if Quantity in kind.marks and kind.type in (int, float) and _is_number(value):
+    if Quantity in kind.marks and kind.type in (int, float) and PLAIN[float].holds(value):
         return kind.marks[Quantity].text(value)
     if isinstance(value, Mapping):
         items = kind.items[1] if len(kind.arguments) == 2 else kind

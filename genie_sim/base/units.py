@@ -70,8 +70,8 @@ class Quantity(Generic[Number]):
         if not self.counted:
             degrees = round(math.degrees(value), 9)
             if unit == "rad" and math.radians(degrees) == value:
-                return f"{_plain(degrees)} deg"
-            return f"{_plain(value)} {unit}"
+                return f"{_shortest(degrees)} deg"
+            return f"{_shortest(value)} {unit}"
         if value == 0:
             return f"0 {'s' if 's' in self.written else unit}"
         unit = next(unit for unit in self.written if abs(value) >= self.units[unit])
@@ -98,7 +98,7 @@ class Quantity(Generic[Number]):
         return number, unit
 
 
-def _plain(value: float) -> str:
+def _shortest(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 

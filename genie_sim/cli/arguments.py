@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -181,23 +182,13 @@ def detector_settings(
     )
 
 
-def folder_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The options of every command that reads result folders; only what it asks for itself is
-    handed to it: ``allow_changed``.
-    """
-    changed = click.option(
-        "--allow-changed",
-        is_flag=True,
-        help="Read files that were changed since the results were written; what is made says so.",
-    )
-    own_code = click.option(
-        "--allow-own-code",
-        is_flag=True,
-        expose_value=False,
-        callback=_own_code,
-        help="Import classes that a folder names.",
-    )
-    return changed(own_code(command))
+own_code_option = click.option(  # of every command that reads result folders
+    "--allow-own-code",
+    is_flag=True,
+    expose_value=False,
+    callback=_own_code,
+    help="Import classes that a folder names.",
+)
 
 
 def refuse(mode: str, *names: str) -> None:
@@ -245,26 +236,14 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
     """``49.01,8.42,112.8``: latitude and longitude in degrees, altitude in metres."""
     if text is None:
         return None
-    try:
-        if not text.isascii() or "_" in text:  # float() reads the digits of every script, and 4_9
-            raise ValueError
-        latitude, longitude, altitude_m = map(float, text.split(","))
-    except ValueError as error:
-        raise UserError(
-            f"{option}: {short_repr(text)}: expected latitude, longitude and altitude, "
-            "for example 49.01,8.42,112.8"
-        ) from error
-    for name, value, limit in (("latitude", latitude, 90), ("longitude", longitude, 180)):
-        if not abs(value) <= limit:
-            raise UserError(
-                f"{option}: {short_repr(text)}: {name} {value} is not between "
-                f"-{limit} and {limit} degrees"
-            )
-    if not math.isfinite(altitude_m):
-        raise UserError(
-            f"{option}: {short_repr(text)}: altitude {altitude_m} must be a number of metres"
-        )
-    return latitude, longitude, altitude_m
+    with suppress(ValueError):
+        # float() reads the digits of every script, and 4_9
+        numbers = text.split(",") if text.isascii() and "_" not in text else ()
+        latitude, longitude, altitude_m = map(float, numbers)
+        if abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude_m):
+            return latitude, longitude, altitude_m
+    expected = "latitude and longitude in degrees and altitude in metres, such as 49.01,8.42,112.8"
+    raise UserError(f"{option}: {short_repr(text)}: expected {expected}")
 
 
 def quantity(option: str, text: str, read: Callable[[object], Any]) -> Any:

@@ -7,10 +7,10 @@ import click
 from genie_sim.base.text import one_line
 from genie_sim.cli.arguments import (
     PATH,
-    folder_options,
     labels_option,
     listed,
     metrics_option,
+    own_code_option,
     shown_methods_option,
     table_format_option,
 )
@@ -29,7 +29,7 @@ from genie_sim.cli.arguments import (
 @labels_option
 @table_format_option
 @click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
-@folder_options
+@own_code_option
 def compare(
     *,
     folders: tuple[Path, ...],
@@ -38,21 +38,22 @@ def compare(
     labels: tuple[str, ...],
     format: str,
     out: Path | None,
-    allow_changed: bool,
 ) -> None:
     """Compare results, seed by seed.
 
     Of one result alone, its methods are compared. Seeds that not all results have are left out; a
     line says so.
     """
-    from genie_sim import kinds
+    from genie_sim import api
     from genie_sim.analysis import compare_tables, renderers
-    from genie_sim.report.result import Comparison
 
     renderers.checked(format)
-    results = [kinds.load(folder, allow_changed=allow_changed) for folder in folders]
-    shown = listed("--methods", methods), labels, listed("--metrics", metrics)
-    comparison = Comparison(results, *shown)
+    comparison = api.compare(
+        *folders,
+        methods=listed("--methods", methods),
+        labels=labels,
+        metrics=listed("--metrics", metrics),
+    )
     click.echo(comparison.text(format), nl=False)
     if format == "markdown":
         click.echo()

@@ -10,8 +10,8 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
     PATH,
-    folder_options,
     listed,
+    own_code_option,
     shown_methods_option,
 )
 
@@ -37,14 +37,12 @@ OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
     type=PATH,
     help="The file; default: run.mcap and so on in the folder.",
 )
-@folder_options
-def export(
-    folder: Path, format: str, methods: str | None, out: Path | None, allow_changed: bool
-) -> None:
+@own_code_option
+def export(folder: Path, format: str, methods: str | None, out: Path | None) -> None:
     """Write a run for Foxglove or RViz."""
     from genie_sim.analysis.seed_runs import load_run
 
-    run = _of_methods(load_run(folder, allow_changed=allow_changed), listed("--methods", methods))
+    run = _of_methods(load_run(folder), listed("--methods", methods))
     write = add_ons.offered(add_ons.EXPORTERS, format)
     if write is None:
         known = {*FORMATS, *add_ons.names(add_ons.EXPORTERS)}

@@ -8,9 +8,9 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import arguments, completion
 from genie_sim.cli.arguments import (
     PATH,
-    folder_options,
     labels_option,
     listed,
+    own_code_option,
     results_argument,
     shown_methods_option,
 )
@@ -46,7 +46,7 @@ from genie_sim.cli.arguments import (
     help="The folder, or with --only the file, such as f.pdf; default: figures in the first result"
     " folder.",
 )
-@folder_options
+@own_code_option
 def figures(
     *,
     folders: tuple[Path, ...],
@@ -56,7 +56,6 @@ def figures(
     format: str | None,
     width: str | None,
     out: Path | None,
-    allow_changed: bool,
 ) -> None:
     """Draw the figures of results for a paper, or one of them.
 
@@ -83,7 +82,7 @@ def figures(
             raise UserError(
                 f"{'--out' if is_file else '--format'}: {unknown('format', one, FORMATS)}"
             )
-    result = kinds.shown(folders, listed("--methods", methods), labels, allow_changed)
+    result = kinds.shown(folders, listed("--methods", methods), labels)
     if only is None or name is None:
         drawn = result.figures(width_in)
     else:

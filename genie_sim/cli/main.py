@@ -61,7 +61,7 @@ class AllCommands(Commands):
     help="Print the version and exit.",
 )
 @click.option(
-    "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
+    "--debug/--no-debug", expose_value=False, help="Show where it failed: what the cause was."
 )
 @click.pass_context
 def app(context: click.Context) -> None:
@@ -95,10 +95,10 @@ def main(argv: list[str] | None = None) -> int:
         return 2
     except UserError as error:
         cause = error.__cause__
-        is_own = cause is not None and plugins.own_fault(cause) is not None
         # looked for here: click keeps the option's value only while the command runs
-        if cause is not None and is_own and "--debug" in (sys.argv if argv is None else argv):
+        if cause is not None and "--debug" in (sys.argv if argv is None else argv):
             raise cause from None
+        is_own = cause is not None and plugins.own_fault(cause) is not None
         more = "; genie-sim --debug shows more" if is_own else ""
         print(f"genie-sim: {one_line(str(error))}{more}", file=sys.stderr)
         return 1

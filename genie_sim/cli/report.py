@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError
-from genie_sim.cli.arguments import PATH, folder_options
+from genie_sim.cli.arguments import PATH, own_code_option
 
 
 @click.command()
@@ -14,13 +14,12 @@ from genie_sim.cli.arguments import PATH, folder_options
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
 @click.option("--out", type=PATH, help="The page to write; default: report.html in the folder.")
-@folder_options
+@own_code_option
 def report(
     *,
     folder: Path,
     start: str,
     out: Path | None,
-    allow_changed: bool,
 ) -> None:
     """Write one HTML page about the results in a folder."""
     from genie_sim.base import units
@@ -34,7 +33,7 @@ def report(
 
     path = out if out is not None else folder / template.NAME
     template.PAGE.check(path)  # before anything is drawn
-    result = kinds.load(folder, allow_changed=allow_changed)
+    result = kinds.load(folder)
     if isinstance(result, kinds.Run):
         page = result.page(start_ns)
     elif start_ns:

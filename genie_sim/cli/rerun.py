@@ -4,18 +4,18 @@ from pathlib import Path
 
 import click
 
-from genie_sim.cli.arguments import PATH, folder_options
+from genie_sim.cli.arguments import PATH, own_code_option
 from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
 @click.argument("folder", type=PATH, help="A result folder of any kind.")
-@folder_options
-def rerun(folder: Path, allow_changed: bool) -> None:
+@own_code_option
+def rerun(folder: Path) -> None:
     """Run a result folder again and compare the contents."""
     from genie_sim import kinds
 
-    result = kinds.load(folder, allow_changed=allow_changed)
+    result = kinds.load(folder)
     with ProgressBar() as progress:
         for line in result.rerun(progress):
             click.echo(line)

@@ -6,10 +6,10 @@ import click
 
 from genie_sim.cli.arguments import (
     PATH,
-    folder_options,
     labels_option,
     listed,
     metrics_option,
+    own_code_option,
     results_argument,
     shown_methods_option,
     table_format_option,
@@ -23,7 +23,7 @@ from genie_sim.cli.arguments import (
 @metrics_option
 @labels_option
 @click.option("--out", type=PATH, help="A file for the table, instead of printing it.")
-@folder_options
+@own_code_option
 def table(
     *,
     folders: tuple[Path, ...],
@@ -32,11 +32,10 @@ def table(
     metrics: str | None,
     labels: tuple[str, ...],
     out: Path | None,
-    allow_changed: bool,
 ) -> None:
     """Print the numbers of results as a table for a paper.
 
-    LaTeX needs the packages booktabs, siunitx and array.
+    LaTeX needs the packages booktabs and array.
 
     \b
     genie-sim table results/3car_hetero-65c23e86c242 --format latex --out latency.tex
@@ -45,7 +44,7 @@ def table(
     from genie_sim.analysis import renderers
 
     renderers.checked(format)
-    result = kinds.shown(folders, listed("--methods", methods), labels, allow_changed)
+    result = kinds.shown(folders, listed("--methods", methods), labels)
     text = result.text(format, listed("--metrics", metrics))
     if out is None:
         click.echo(text, nl=False)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from genie_sim.base import units
 from genie_sim.base.errors import short_repr
-from genie_sim.base.marks import Bounds, Count, OneOf, Share, Short
+from genie_sim.base.marks import Bounds, Count, Share, Short
 from genie_sim.base.plugins import Choice
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import PlugIn
@@ -73,7 +73,7 @@ class ObjectMapRules:
     rate: Share = 0.1
     """λ of Algorithm 2, the rate of the confidence rule."""
 
-    threshold: Annotated[Share | Percentile, OneOf("a number from 0 to 1, {percentile: N}")] = 0.60
+    threshold: Share | Percentile = 0.60
     """C_T, from which on objects are shared and answered. The paper's 60 % may be read as a number,
     or as a percentile of the confidences stored now."""
 

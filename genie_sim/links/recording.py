@@ -186,11 +186,13 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
                 )
             middle = max(values) if unit == "Mbit/s" else sorted(values)[len(values) // 2]
             which = "at most" if unit == "Mbit/s" else "a median of"
-            report.usual(f"{what}: {which}", middle, unit, USUAL[unit], "of a radio link")
-            report.sentinels(what, values, unit)
-    report.times("times", times_s, "values hold until the next one", LONG_PERIOD_S)
+            report.warn_unusual(f"{what}: {which}", middle, unit, USUAL[unit], "of a radio link")
+            report.warn_sentinels(what, values, unit)
+    report.check_times("times", times_s, "values hold until the next one", LONG_PERIOD_S)
     if "east_m" in columns:
-        report.way("places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True)))
+        report.check_way(
+            "places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True))
+        )
 
 
 def write(path: Path, columns: Mapping[str, Sequence[Any]], about: Mapping[str, Any]) -> None:

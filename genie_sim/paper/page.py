@@ -53,7 +53,6 @@ def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = 
             kind="an evaluation",
             name=TITLE,
             about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
-            warning=provenance.warning(reproduction.changed),
             sections=[
                 Section(
                     "What of the paper holds",

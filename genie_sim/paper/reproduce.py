@@ -23,7 +23,7 @@ from genie_sim.paper import claims, curves, numbers, page, printed, runs, source
 from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import BASE, Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.results import Run
 from genie_sim.report import template
 from genie_sim.report.result import Result, cells_of
@@ -60,8 +60,6 @@ class Reproduction(Suggesting, Result):
         How it came about: seeds, edited set-ups, and the versions of sources and packages.
     folder : Path or None
         Where it is; ``None`` for one in memory.
-    changed : sequence of str
-        Files that were changed since they were written.
     """
 
     rows: Sequence[dict[str, Any]]
@@ -69,18 +67,16 @@ class Reproduction(Suggesting, Result):
     curves: "Curves"
     about: Mapping[str, Any]
     folder: Path | None = None
-    changed: Sequence[str] = ()
 
     @classmethod
-    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Reproduction":
+    def read(cls, folder: Path) -> "Reproduction":
         """See ``Result``."""
         with provenance.of_this_version(folder):
             rows = printed.read_rows(folder)
             about = printed.read_about(folder)
-            changed = provenance.changed_files(folder, about.get("digests"), FILES)
-            provenance.refuse_changed(folder, changed, allow_changed)
+            provenance.check_unchanged(folder, about, FILES)
             curve_points = curves.read(folder / curves.FILE)
-            return cls(rows, numbers.read(folder), curve_points, about, folder, changed)
+            return cls(rows, numbers.read(folder), curve_points, about, folder)
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
@@ -107,7 +103,7 @@ class Reproduction(Suggesting, Result):
             "methods": [asdict(method) for method in numbers.METHODS],
         }
         run_id = provenance.run_id({"sources": self.about.get("sources")})
-        like = Run(run_id, facts, "", {}, (), changed=self.changed)
+        like = Run(run_id, facts, "", {}, ())
         return cells_of(self.numbers[self.numbers["variant"] == BASE], ["scenario"], like)
 
     def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Reproduction":
@@ -130,7 +126,7 @@ class Reproduction(Suggesting, Result):
             table = self.metrics
             if registry.checked(metrics, table["metric"]):
                 table = table[table["metric"].isin(metrics)]
-            return renderers.csv_of_table(table, self.changed)
+            return renderers.csv_of_table(table)
         if metrics:
             raise UserError("metrics: the table of an evaluation is of claims; format csv has them")
         return printed.table(self.rows, format)
@@ -208,8 +204,8 @@ def reproduce(
     if seeds is not None:
         seed_numbers = tuple(range(1, seeds + 1))
     if out is not None:
-        provenance.check_writable(out.parent)
-        provenance.check_replaceable(out)
+        folders.check_writable(out.parent)
+        folders.check_replaceable(out)
         check_kept(out, seed_numbers)
     edited = sources.edited_set_ups()
     for line in edited:
@@ -229,7 +225,7 @@ def reproduce(
     }
     evaluation = Reproduction(judge(Evidence(measured)), measured, curve_points, about)
     if out is not None:
-        with provenance.result_folder(out, SHOWN) as folder:
+        with folders.result_folder(out, SHOWN) as folder:
             write(folder, evaluation)
         show(out, evaluation)
     return replace(evaluation, folder=out)
@@ -272,11 +268,11 @@ def show(folder: Path, evaluation: Reproduction) -> None:
     from genie_sim.analysis.figures import save_all
 
     drawn_figures = None
-    with provenance.derived(folder) as attempt:
+    with folders.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(evaluation.numbers))
             document = printed.document(evaluation.rows, accuracy, evaluation.about["edited"])
-            provenance.write_summary(folder / printed.DOCUMENT, document)
+            folders.write_summary(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             drawn_figures = evaluation.figures()
             save_all(drawn_figures, provenance.contained(folder, "figures"), ["svg"])

@@ -310,7 +310,8 @@ class Log:
             stamp_ns, stream, car = header
             row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
             if row is not None:
-                self._open[header] = frame = OpenFrame(self.method, header).update(row)
+                self._open[header] = frame = OpenFrame(self.method, header)
+                frame.__dict__.update(row)
         return frame
 
     def _settle(self, headers: Iterable[Header]) -> None:

@@ -3,7 +3,7 @@ result folder.
 """
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from pathlib import Path
@@ -120,9 +120,8 @@ class Run:
     """One finished run.
 
     ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every setting
-    written out; ``folder`` is ``None`` for a run that was not written down, and ``changed`` names
-    files in it that were changed since. ``label`` is what the user calls it, or empty. ``words``
-    are what is said of metrics of the user's own.
+    written out; ``folder`` is ``None`` for a run that was not written down. ``label`` is what the
+    user calls it, or empty. ``words`` are what is said of metrics of the user's own.
     ``tables`` holds the tables by name, as numpy columns. Each is an attribute as well, a pandas
     table that is made when it is first asked for: ``run.frames``. ``record.records`` describes
     the columns.
@@ -134,7 +133,6 @@ class Run:
     tables: Mapping[str, Columns]
     measured: Sequence[MetricValue]
     folder: Path | None = None
-    changed: Sequence[str] = ()
     label: str = ""
     words: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -190,26 +188,21 @@ class Run:
     def footer(self) -> str:
         """Which run it is, below a figure."""
         which = f"{self.name}, run {self.run_id}, seed {self.seed}"
-        return ", ".join(filter(None, [self.label, which, self.warm_up, self.warning]))
+        return ", ".join(filter(None, [self.label, which, self.warm_up]))
 
     @property
     def warm_up(self) -> str:
         """Says what is not counted; empty if all is."""
         return f"without the first {duration_text(self.warm_up_ns)}" if self.warm_up_ns else ""
 
-    @property
-    def warning(self) -> str:
-        """Says which files were changed since the run wrote them; empty if none was."""
-        return provenance.warning(self.changed)
 
-
-def load(folder: str | Path, check_words: CheckWords, *, allow_changed: bool = False) -> Run:
+def load(folder: str | Path, check_words: CheckWords) -> Run:
     """The run in a result folder. ``check_words`` takes what ``run.json`` says of metrics, and
     where that stands, and returns what it says of those of the user's own. Commands call
     ``seed_runs.load_run``.
 
-    Raises ``UserError`` for anything else, for a folder that is not whole, and, unless they are
-    allowed, for files that were changed since the run wrote them.
+    Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
+    changed since the run wrote them.
     """
     folder = expanded(folder)
     for name, what in NOT_ONE_RUN.items():
@@ -220,13 +213,10 @@ def load(folder: str | Path, check_words: CheckWords, *, allow_changed: bool = F
                 )
             raise UserError(f"{folder}: holds {what}, not one run")
     about = provenance.read_run_json(folder)
-    changed = changed_files(folder, about)
-    provenance.refuse_changed(folder, changed, allow_changed)
+    provenance.check_unchanged(folder, about, FILES)
     tables = {name: read(folder / f"{name}.parquet", schema) for name, schema in SCHEMAS.items()}
     for name, schema in SCHEMAS.items():
-        path = folder / f"{name}.parquet"
-        if path.name not in changed:
-            check_rows(path, schema, tables[name], about["rows"].get(name))
+        check_rows(folder / f"{name}.parquet", schema, tables[name], about["rows"].get(name))
     measured = _read_metrics(folder / "metrics.json", about)
     yaml = read_text(folder / "scenario.resolved.yaml")
     return Run(
@@ -236,7 +226,6 @@ def load(folder: str | Path, check_words: CheckWords, *, allow_changed: bool = F
         tables=tables,
         measured=measured,
         folder=folder,
-        changed=changed,
         label=checked_label(about.get("label", ""), f"{folder / 'run.json'}: label"),
         words=check_words(about["metrics"], f"{folder / 'run.json'}: metrics"),
     )
@@ -279,13 +268,3 @@ def checked_label(label: object, where: str = "label") -> str:
             f"{where}: must be one line of at most {MAX_LABEL} characters, not {short_repr(label)}"
         )
     return label.strip()
-
-
-def changed_files(
-    folder: Path, about: Mapping[str, Any], names: Iterable[str] = FILES
-) -> tuple[str, ...]:
-    """Of the files of a run's result folder those that are not what the run wrote; ``about`` is its
-    ``run.json``. Raises ``UserError`` for one that is not there.
-    """
-    facts = () if provenance.is_of_its_id(about) else ("run.json",)
-    return (*facts, *provenance.changed_files(folder, about.get("digests"), names))

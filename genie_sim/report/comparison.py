@@ -5,13 +5,13 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import compare_tables, renderers, summary
+from genie_sim.analysis import compare_tables, renderers, style, summary
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.paths import usable
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Columns, concat
 from genie_sim.report import html_page, template
 from genie_sim.report.template import Page, Section
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE = "compare.html"
-OF_SEEDS = ("differences", "latency_accuracy", *html_page.FIGURES)
 
 
 def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[str, Figure]":
@@ -63,7 +62,6 @@ def page(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> str:
         name=name,
         title=f"{name}, compared",
         about=["Runs that saw the same frames, side by side."],
-        warning=comparison.warning,
         sections=[
             Section("In short", [template.listed(verdicts(comparison))]),
             Section("Figures", [template.figures(drawn)]),
@@ -100,7 +98,6 @@ def seeds_page(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> s
             name=runs.title,
             title=f"{runs.title}, {seeds}",
             about=[*filter(None, [description]), f"{seeds[0].upper()}{seeds[1:]}."],
-            warning=comparison.warning,
             sections=[
                 Section("In short", [template.listed(verdicts(comparison))]),
                 Section(
@@ -110,7 +107,7 @@ def seeds_page(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> s
                         template.table(summary.main_table(runs)),
                     ],
                 ),
-                Section("Figures", [template.figures(html_page.shown(runs, OF_SEEDS, drawn))]),
+                Section("Figures", [template.figures(html_page.shown(runs, style.SEEDS, drawn))]),
                 _differences(comparison),
                 Section("Each run", [links]),
             ],
@@ -149,7 +146,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     for name, suffix in renderers.FORMATS.items():
         renderers.write(folder / f"table{suffix}", compare_tables.text(comparison, name), name)
     drawn: dict[str, Figure] = {}
-    with provenance.derived(folder) as attempt:
+    with folders.derived(folder) as attempt:
         with attempt("figures"):
             drawn = figures(comparison)
             save_all(drawn, provenance.contained(folder, "figures"), ("svg", "png"))

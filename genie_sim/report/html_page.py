@@ -1,11 +1,11 @@
 """The page about a run: what it comes to, its numbers, figures, replay and settings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import screen, summary
+from genie_sim.analysis import screen, style, summary
 from genie_sim.analysis.compare import compared
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.record import provenance
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from genie_sim.analysis.seed_runs import SeedRuns
     from genie_sim.record.results import Run
 
-FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "resources")
-
 
 def write(path: Path, run: "Run", start_ns: int = 0) -> None:
     """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the
@@ -32,11 +30,12 @@ def write(path: Path, run: "Run", start_ns: int = 0) -> None:
 
 
 def shown(
-    results: "Run | SeedRuns", names: Sequence[str], drawn: "Mapping[str, Figure] | None"
+    results: "Run | SeedRuns", kind: str, drawn: "Mapping[str, Figure] | None"
 ) -> "dict[str, Figure]":
-    """The figures of a page, in the order of their ``names``, of those that there are. Figures that
-    were ``drawn`` are not drawn again.
+    """The figures that this kind of page shows, of those that there are. Figures that were
+    ``drawn`` are not drawn again.
     """
+    names = [name for name, kinds in style.RUN_FIGURES.items() if kind in kinds]
     if drawn is None:
         from genie_sim.analysis.figures import makers  # imports matplotlib
 
@@ -59,13 +58,12 @@ def page(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" = N
             name=run.title,
             title=f"{run.title}, run {run.run_id}",
             about=[*filter(None, [description]), f"{screen.header(run)}."],
-            warning=run.warning,
             sections=[
                 Section(
                     "In short", [template.listed(verdicts(compared([run])) if several else [])]
                 ),
                 Section("Results", [template.table(main), template.note(summary.ABOUT_INTERVALS)]),
-                Section("Figures", [template.figures(shown(run, FIGURES, drawn))]),
+                Section("Figures", [template.figures(shown(run, style.RUN, drawn))]),
                 Section("Replay", [template.part("replay.html")] if replay is not None else []),
                 Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
                 Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),

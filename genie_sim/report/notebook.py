@@ -13,11 +13,10 @@ def run_html(run: Run | SeedRuns) -> str:
     """What was run, and the main table."""
     about = summary.about_seeds(run) if isinstance(run, SeedRuns) else summary.ABOUT_INTERVALS
     table = summary.main_table(run)
-    return renderers.html(replace(table, title=screen.header(run), notes=[about, run.warning]))
+    return renderers.html(replace(table, title=screen.header(run), notes=[about]))
 
 
 def comparison_html(comparison: ComparedRuns) -> str:
     """Who is better, and the table of differences."""
-    notes = [compare_tables.about(comparison), comparison.warning]
-    title = " ".join(verdicts(comparison))
+    notes, title = [compare_tables.about(comparison)], " ".join(verdicts(comparison))
     return renderers.html(replace(compare_tables.pairs(comparison), title=title, notes=notes))

@@ -4,6 +4,30 @@ as JSON.
 A long run does not fit into one page. Then a stretch of it is kept, with every frame, step, look-up
 and held object in it, rather than a thinned whole that would show a hit here and hide the next; the
 page says which.
+
+These are the data that the page's script reads (``replay_model.js``). A name ends with its unit; -1
+is unknown, nobody or never; a text in a column is its place in one of the lists of texts; a frame's
+id is its place among those of all streams; of columns marked with + the first value is followed by
+the differences::
+
+    begin_us, end_us    the stretch that is shown; instants count from the start of the run
+    cars                name, edge, cameras (whether it has any)
+    edges               names
+    names, kinds, outcomes, whichs, judged    lists of texts
+    parts               name and title of each part of the time
+    streams             one a camera: car, stream, fov_mrad, first_id and first_frame (the id and
+                        the number of its first frame); of each frame stamp_us+, east_cm+,
+                        north_cm+, heading_mrad+
+    methods             name, title, and columns:
+      frames            by id; since the stamp: received_ns, first_answer_us, result_answer_us,
+                        fresh_answer_us; outcome; of names: source, served_by, drop;
+                        objects_served, objects_result, objects_fresh, bytes_up, bytes_down
+      lookups           in order of time: t_us+, frame_id, genie (of names), kind, outcome, edge and
+                        neighbour (1: on an edge, asked by another edge), requests, hits, updates,
+                        boost_e4 (10,000 times the confidence added), entries
+      held_objects      in order of time: begin_us+, took_us, car and label (of names), judged,
+                        east_cm, north_cm
+      steps             answer by answer: frame_id, which, part, place (of names), took_ns
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,16 +40,16 @@ from genie_sim.analysis import style
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import NO_TEXT, Columns, Text
 from genie_sim.record.records import COALESCED, HIT, JUDGED, LOOKUP_KINDS, MISS, OUTCOMES, WHICHS
-from genie_sim.report.packing import UNKNOWN, US, deltas, integers, scaled
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
 
     Column = np.ndarray[Any, Any]
 
+US = 1_000
+UNKNOWN = -1
 # of frames, look-ups, steps and held objects together
 MAX_ROWS = 200_000
-LINES = 48  # of methods that differ in colour or dashes
 
 
 class _Names:
@@ -54,6 +78,22 @@ class _Names:
 
 
 Texts = Mapping[str, _Names]  # of names, and of the values of text columns
+
+
+def scaled(values: "Column", scale: int) -> "Column":
+    """Whole numbers of a finer unit."""
+    return np.round(values * scale).astype(np.int64)
+
+
+def deltas(values: "Column") -> list[int]:
+    """The first value, then the differences: short numbers."""
+    # Most columns have a few values, with which numpy's own difference takes ten times as long.
+    return [after - before for before, after in pairwise([0, *values.tolist()])]
+
+
+def integers(values: "Column") -> "Column":
+    """Whole numbers, -1 for unknown."""
+    return np.nan_to_num(values, nan=UNKNOWN).astype(np.int64)
 
 
 def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
@@ -88,7 +128,6 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
     }
     poses = _between(poses, "stamp_ns", begin_ns, end_ns)
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
-    looks = style.method_styles([method.name for method in run.methods])
     return {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
@@ -102,10 +141,9 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             {
                 "name": method.name,
                 "title": method.title,
-                "look": look % LINES,
                 **_of_method(run, method.name, poses, texts, stretch_ns=(begin_ns, end_ns)),
             }
-            for look, method in zip(looks, run.methods, strict=True)
+            for method in run.methods
         ],
         **{name: list(of_column.all) for name, of_column in texts.items()},
         "parts": [

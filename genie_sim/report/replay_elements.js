@@ -16,26 +16,26 @@ const byId = (id) => document.getElementById(id);
 const option = (value, text) => make("option", { value }, text);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-const methodClass = ({ look }) => `m${look}`;
-const methodKey = (method) => make("span", { class: "key" }, draw("svg", { width: 22, height: 8, class: methodClass(method), "aria-hidden": "true" },
-  draw("path", { d: "M0 4H22" })), method.title);
-
 function bytes(value) {
   const step = value >= 1e9 ? [1e9, "GB"] : value >= 1e6 ? [1e6, "MB"] : value >= 1e3 ? [1e3, "kB"] : [1, "B"];
   return `${Number((value / step[0]).toPrecision(3))} ${step[1]}`;
 }
 
 function linearTicks(low, high, count) {
-  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
+  const rough = (high - low) / count,
+    power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((digit) => digit * power).find((width) => width >= rough);
   const ticks = [];
-  for (let tick = Math.ceil(low / step - 1e-9); tick * step <= high + step * 1e-9; tick += 1) ticks.push(Number((tick * step).toPrecision(6)));
+  for (let tick = Math.ceil(low / step - 1e-9); tick * step <= high + step * 1e-9; tick += 1) {
+    ticks.push(Number((tick * step).toPrecision(6)));
+  }
   return ticks;
 }
 
 // The index of the last value that is not above `x`, or -1.
 function lastUpTo(values, x) {
-  let low = 0, high = values.length;
+  let low = 0,
+    high = values.length;
   while (low < high) {
     const middle = (low + high) >> 1;
     if (values[middle] <= x) low = middle + 1;

@@ -30,9 +30,9 @@ class Result(ABC):
 
     @classmethod
     @abstractmethod
-    def read(cls, folder: Path, *, allow_changed: bool = False) -> Self:
+    def read(cls, folder: Path) -> Self:
         """That of a folder. Raises ``UserError`` for one that is not whole, that another version
-        wrote, or of which files were changed since, unless they are allowed.
+        wrote, or of which files were changed since.
         """
 
     @property

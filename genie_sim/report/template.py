@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.analysis import renderers, style
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.base.paths import OutputKind, atomic_write
-from genie_sim.report.replay import LINES
 from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
@@ -37,7 +36,6 @@ REPLAY = (
     "story.js",
     "replay.js",
 )
-DASH_PX = 3  # a unit of the figures' dashes
 
 
 @dataclass(frozen=True)
@@ -91,8 +89,6 @@ class Page:
         What the page was made from, and where more is.
     about : sequence of str
         Sentences below the title.
-    warning : str
-        Which files were changed; empty if none was.
     notes : sequence of str
         At the end of the page.
     title : str
@@ -106,7 +102,6 @@ class Page:
     sections: Sequence[Section]
     origin: str
     about: Sequence[str] = ()
-    warning: str = ""
     notes: Sequence[str] = ()
     title: str = ""
     replay: Mapping[str, Any] | None = None
@@ -118,7 +113,6 @@ class Page:
         scripts = ["page.js", *(REPLAY if self.replay is not None else ())]
         script = '"use strict";\n' + "\n".join(map(part, scripts))
         made = f"Made by genie-sim {VERSION} from {self.origin}"
-        warning = f'<p class="warning" role="alert">{escape(self.warning)}</p>'
         parts = {
             "policy": f"default-src 'none'; script-src {_source(script)}; "
             f"style-src {_source(look)}; img-src data:; base-uri 'none'",
@@ -126,9 +120,7 @@ class Page:
             "style": look,
             "kind": escape(f"genie-sim {VERSION}, {self.kind}"),
             "name": escape(self.name),
-            "about": "\n  ".join(
-                [warning if self.warning else "", *(f"<p>{escape(one)}</p>" for one in self.about)]
-            ),
+            "about": "\n  ".join(f"<p>{escape(text)}</p>" for text in self.about),
             "ways": "".join(
                 f'<a href="#{section.name}">{escape(section.title)}</a>' for section in sections
             ),
@@ -212,32 +204,9 @@ def packed(value: Any) -> str:
 
 
 def _palette() -> str:
-    """The colours of methods as variables ``--method-0`` and so on, their lines as classes ``m0``
-    and so on, and parts of the time ``part-0``.
-    """
-    colours = len(style.COLOURS)
-    lines = (
-        f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}"
-        for i in range(LINES)
-    )
-    parts = (
-        f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values())
-    )
-    dark = f"@media (prefers-color-scheme: dark){{{_variables(style.DARK_COLOURS)}}}"
-    return "\n".join([_variables(style.COLOURS), dark, *lines, *parts, ""])
-
-
-def _variables(methods: Sequence[str]) -> str:
-    """The rule of CSS that names the colours of methods."""
-    variables = (f"--method-{place}:{colour};" for place, colour in enumerate(methods))
-    return f":root{{{''.join(variables)}}}"
-
-
-def _dashes(look: int) -> str:
-    dashes = style.method_line(look)["linestyle"]
-    return (
-        "none" if dashes == style.SOLID else " ".join(f"{DASH_PX * part:g}" for part in dashes[1])
-    )
+    """The colours of parts of the time as classes ``part-0`` and so on."""
+    looks = [look for _, look in style.PARTS.values()]
+    return "".join(f".part-{i}{{fill:{look['facecolor']}}}\n" for i, look in enumerate(looks))
 
 
 def _source(text: str) -> str:

@@ -108,7 +108,7 @@ def device(profile: DeviceProfile, model: str, spread: str = "default") -> Devic
     """What the simulator needs of a device's profile. Raises ``UserError`` where the model does not
     run there.
     """
-    hop, genie = profile.hop, profile.genie_time
+    hop, genie = profile.hop, profile.genie
     return Device(
         name=profile.name,
         cores=profile.cores.value,

@@ -14,7 +14,7 @@ from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import read_text, sha256_of
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import read
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Text
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
@@ -22,7 +22,6 @@ from genie_sim.record.results import (
     METRIC_FIELDS,
     MethodInfo,
     Run,
-    changed_files,
     checked_label,
 )
 from genie_sim.record.tables import read as read_columns
@@ -52,11 +51,11 @@ def run_to_folder(
     Raises ``UserError`` before it simulates.
     """
     label = checked_label(label)
-    provenance.check_writable(out)
+    folders.check_writable(out)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    with provenance.result_folder(folder, SHOWN) as unfinished:
+    with folders.result_folder(folder, SHOWN) as unfinished:
         run = simulate_into(unfinished, prepared, run_id, progress=progress, label=label)
     output.write(run, folder)
     return replace(run, folder=folder)
@@ -176,15 +175,12 @@ class Compared(NamedTuple):
         )
 
 
-def rerun(
-    folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
-) -> Compared:
+def rerun(folder: Path, progress: Progress | None = None) -> Compared:
     """Runs a result folder's scenario again, with the device profiles it was made with, and
     compares each file that a run writes with it. ``run.json`` holds the wall time and is not
     compared.
 
-    Raises ``UserError``, also for files that were changed since, unless they are allowed: then they
-    differ.
+    Raises ``UserError``, also for files that were changed since.
     """
     made = provenance.read_run_json(folder)
     where = str(folder / "run.json")
@@ -202,7 +198,7 @@ def rerun(
         if now != before:
             raise UserError(f"{folder}: {_difference(key, before, now)}")
     present = [name for name in FILES if (folder / name).exists()]
-    provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
+    provenance.check_unchanged(folder, made, present)
     with tempfile.TemporaryDirectory() as temporary:
         formats = _formats_in(folder / "figures")
         label = checked_label(made.get("label", ""), f"{where}: label")

@@ -193,8 +193,8 @@ def from_table(
     report.span("latency", (min(latencies), max(latencies)), unit)
     to_ms = factor_ns / units.NS_PER_MS
     middle_ms = sorted(latencies)[len(latencies) // 2] * to_ms
-    report.usual("latency: a median of", middle_ms, "ms", USUAL_MS, "of a detection")
-    report.sentinels("latency", [latency * to_ms for latency in latencies], "ms")
+    report.warn_unusual("latency: a median of", middle_ms, "ms", USUAL_MS, "of a detection")
+    report.warn_sentinels("latency", [latency * to_ms for latency in latencies], "ms")
     source = f"{len(latencies)} latencies from {path.name}"
     return Measurement(model, np.array(latencies) * factor_ns, source, here=False)
 

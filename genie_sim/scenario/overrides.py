@@ -60,51 +60,50 @@ def apply_overrides(
             raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
         steps = [name or (EVERY if at == "*" else int(at)) for name, at in _STEP.findall(path)]
         change = _Change(steps, parse(value, text), text)
-        changed = change.of(Kind.of(cls, "", {}), changed, "", is_whole=True)
+        changed = change.of(Kind.of(cls, "", {}), changed, "")
         applied.append(Override(path, text))
     return changed, applied[::-1]  # of two with the same path the last counts
 
 
 class _Change(NamedTuple):
-    """One override: the steps of its path that are left, and the value at their end."""
+    """One override: the steps of its path that are left, and the value at their end. ``defaults``:
+    what is not written here is as by default, not, as of a method's entry, as in the scenario.
+    """
 
     steps: Sequence[str | int]
     value: Any
     text: str
+    defaults: bool = True
 
-    def of(self, kind: Kind, node: Any, path: str, *, is_whole: bool) -> Any:
-        """What is written at ``path``, with the change. ``is_whole``: settings that are not written
-        are as by default, not as in a scenario to which these belong.
-        """
+    def of(self, kind: Kind, node: Any, path: str) -> Any:
+        """What is written at ``path``, with the change."""
         if not self.steps:
             return self.value
         step, *following = self.steps
         below = self._replace(steps=following)
         if isinstance(step, int):
-            return below.of_entries(kind, node, path, step, is_whole=is_whole)
+            return below.of_entries(kind, node, path, step)
         if isinstance(node, list) and any(isinstance(entry, dict) for entry in node):
             rest = _text(self.steps)
             other = f"did you mean {path}[*].{rest}, or {path}[0].{rest}?"
             raise UserError(f"{self.text}: {path}: is a list; {other}")
         try:
-            mapping = {} if node is None else _written_out(kind, node, is_whole=is_whole)
+            mapping = {} if node is None else _written_out(kind, node, self.defaults)
         except SettingError:
             problem = f"is {short_repr(node)}, which has no setting {step!r}"
             raise UserError(f"{self.text}: {path}: {problem}") from None
         setting = _settings_in(kind, mapping).get(step)
         if setting is None:
-            mapping[step] = below.of(_ANYTHING, mapping.get(step), join(path, step), is_whole=True)
+            mapping[step] = below.of(_ANYTHING, mapping.get(step), join(path, step))
             return mapping
-        is_whole = is_whole and setting.default is not REQUIRED
+        below = below._replace(defaults=self.defaults and setting.default is not REQUIRED)
         inner = mapping.get(step)
-        if inner is None and is_whole:
+        if inner is None and below.defaults:
             inner = _default_to_enter(setting, following)
-        mapping[step] = below.of(setting.kind, inner, join(path, step), is_whole=is_whole)
+        mapping[step] = below.of(setting.kind, inner, join(path, step))
         return mapping
 
-    def of_entries(
-        self, kind: Kind, node: Any, path: str, step: int, *, is_whole: bool
-    ) -> list[Any]:
+    def of_entries(self, kind: Kind, node: Any, path: str, step: int) -> list[Any]:
         """The list with the entry at ``step``, or every one, changed."""
         if not isinstance(node, list):
             hint = ": it is null; set the whole list" if node is None else ""
@@ -120,10 +119,7 @@ class _Change(NamedTuple):
                 raise UserError(f"{self.text}: {path}: {text}")
             if place == len(entries):
                 entries.append([] if self.steps and isinstance(self.steps[0], int) else None)
-            of_entry = _entry(kind, place)
-            entries[place] = self.of(
-                of_entry, entries[place], f"{path}[{place}]", is_whole=is_whole
-            )
+            entries[place] = self.of(_entry(kind, place), entries[place], f"{path}[{place}]")
         return entries
 
 
@@ -135,9 +131,9 @@ def _default_to_enter(setting: Setting, following: Sequence[str | int]) -> Any:
     a path (``record=[held]``), and for any other mapping (``genie.object_map.rate``), whose
     defaults complete what is written.
     """
-    is_entry = bool(following) and isinstance(following[0], int)
-    is_of_class = bool(following) and isinstance(setting.default, Choice)
-    return plain_default(setting) if is_entry or is_of_class else None
+    if following and (isinstance(following[0], int) or isinstance(setting.default, Choice)):
+        return plain_default(setting)
+    return None
 
 
 def _entry(kind: Kind, place: int) -> Kind:
@@ -158,9 +154,9 @@ def _text(steps: Sequence[str | int]) -> str:
     return path
 
 
-def _written_out(kind: Kind, value: object, *, is_whole: bool = True) -> dict[str, Any]:
-    """The mapping that a value is short for, as it is written; unless it ``is_whole``, with every
-    setting, as others would complete it. Raises ``SettingError`` where it is none.
+def _written_out(kind: Kind, value: object, defaults: bool) -> dict[str, Any]:
+    """The mapping that a value is short for, as it is written; without ``defaults`` with every
+    setting, which others would complete else. Raises ``SettingError`` where it is none.
     """
     for member in kind.members:
         short, plug_in = member.marks.get(Short), member.marks.get(PlugIn)
@@ -169,7 +165,7 @@ def _written_out(kind: Kind, value: object, *, is_whole: bool = True) -> dict[st
             is_preset = plug_in.presets is not None and value in plug_in.presets.choices
             return {"like" if is_preset else plug_in.key: value}
         if hasattr(member.type, "expand") and _plug_in_beside(member.type) is None:
-            if not is_whole and not isinstance(value, Mapping):
+            if not defaults and not isinstance(value, Mapping):
                 value = from_plain(member.type, value)
             value = _expanded(member.type, value)
     if not isinstance(value, Mapping):

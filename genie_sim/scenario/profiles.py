@@ -13,7 +13,7 @@ from typing import Annotated
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.base.marks import Bounds, Key, Name, Share
+from genie_sim.base.marks import Bounds, Name, Share
 from genie_sim.base.paths import read_text
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import read
@@ -172,7 +172,7 @@ class DeviceProfile:
     hop: Hop
     """What a message between two of its processes takes."""
 
-    genie_time: Annotated[GenieTime, Key("genie")]
+    genie: GenieTime
     """What Genie itself takes."""
 
     codec: Factor = Factor(

@@ -9,8 +9,8 @@ import inspect
 import itertools
 import re
 import textwrap
-from collections.abc import Callable, Mapping
-from types import NoneType, UnionType
+from collections.abc import Callable
+from types import UnionType
 from typing import Any, Literal, Union
 
 from genie_sim.base.docstrings import docstring
@@ -20,6 +20,7 @@ from genie_sim.base.settings import (
     REQUIRED,
     Kind,
     PlugIn,
+    is_mapping,
     is_settings_class,
     mark_in,
     plain_default,
@@ -33,7 +34,6 @@ Schema = dict[str, Any]
 SCHEMAS: dict[str, type[Any]] = {"scenario": Scenario, "device": DeviceProfile}
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 OWN_CLASS = {"type": "string", "pattern": OWN_CLASS_PATTERN}
-TYPES = {int: "integer", float: "number", str: "string", bool: "boolean", NoneType: "null"}
 
 
 def json_schema(what: str) -> Schema:
@@ -134,14 +134,14 @@ def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
                 if short is not None and short.plug_in is not None:
                     del classes[name]["required"]  # the name of a plug-in alone is enough
             schema = {"$ref": f"#/$defs/{name}"}
-        case type() as origin if kind.arguments and issubclass(origin, Mapping):
+        case cls if is_mapping(cls) and kind.arguments:
             schema = {"type": "object", "additionalProperties": _schema(kind.items[1], classes)}
         case cls if cls in (int, float) and Quantity in marks:
             quantity = {"type": "string", "examples": [marks[Quantity].example]}
             takes_zero = marks.get(Bounds, Bounds()).contain(0)
             return {"anyOf": [quantity, {"const": 0}]} if takes_zero else quantity
-        case cls if cls in TYPES:
-            schema = {"type": TYPES[cls]}
+        case cls if kind.plain is not None and not kind.arguments:
+            schema = {"type": kind.plain.schema}
             if cls in (int, float):
                 schema |= _limits(marks.get(Bounds, Bounds()))
             elif cls is str:

@@ -12,7 +12,6 @@ from genie_sim.base.marks import (
     Count,
     Name,
     NotEmpty,
-    OneOf,
     Short,
 )
 from genie_sim.base.plugins import Choice
@@ -145,9 +144,7 @@ class Car:
     route: Route = Route()
     """Which part of a drive it replays, and when."""
 
-    cameras: Annotated[
-        bool | Annotated[tuple[Camera, ...], NotEmpty()], OneOf("true, false or a list of cameras")
-    ] = True
+    cameras: bool | Annotated[tuple[Camera, ...], NotEmpty()] = True
     """`true` for the scenario's cameras, or a list of the car's own. With `false` the car has no
     detector either: it sends requests with its position and gets what others have seen (Section V.F
     of the paper)."""

@@ -81,8 +81,6 @@ class Sweep(Suggesting, Result):
         intervals.
     folder : Path or None
         Where it is; ``None`` for one in memory.
-    changed : sequence of str
-        Files that were changed since they were written.
     label : str
         What the user calls it; empty: by its name.
     """
@@ -92,28 +90,25 @@ class Sweep(Suggesting, Result):
     every_run: "pd.DataFrame"
     means: "pd.DataFrame"
     folder: Path | None
-    changed: Sequence[str] = ()
     label: str = ""
 
     @classmethod
-    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Sweep":
+    def read(cls, folder: Path) -> "Sweep":
         """See ``Result``."""
         with provenance.of_this_version(folder):
             about, path = read_about(folder), folder / ABOUT
             runs, points = (_table(provenance.contained(folder, name)) for name in READ)
             own = checked_words(about.get("metrics", {}), f"{path}: metrics")
             about = {**about, "metrics": own}
-            changed = provenance.changed_files(folder, about.get("digests"), READ)
-            provenance.refuse_changed(folder, changed, allow_changed)
+            provenance.check_unchanged(folder, about, READ)
             design = read_design(about["sweep"], str(path))
             for name, table, key, count in (
                 (READ[0], runs, ["point", "seed"], design.runs),
                 (READ[1], points, ["point"], design.runs // len(design.seeds)),
             ):
-                if name not in changed:
-                    _check_numbers(folder / name, table, key, count)
+                _check_numbers(folder / name, table, key, count)
             label = checked_label(about.get("label", ""), f"{path}: label")
-            return cls(design, about, runs, points, folder, changed, label)
+            return cls(design, about, runs, points, folder, label)
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
@@ -132,12 +127,7 @@ class Sweep(Suggesting, Result):
     @property
     def footer(self) -> str:
         """Which sweep it is, below a figure."""
-        return ", ".join(filter(None, [footer_of(self.design, self.label), self.warning]))
-
-    @property
-    def warning(self) -> str:
-        """Says which files were changed; empty if none was."""
-        return provenance.warning(self.changed)
+        return footer_of(self.design, self.label)
 
     @property
     def titles(self) -> dict[str, str]:
@@ -192,7 +182,7 @@ class Sweep(Suggesting, Result):
             ],
         }
         run_id = provenance.run_id({"run_ids": self.about["run_ids"]})
-        like = Run(run_id, facts, "", {}, (), changed=self.changed, label=self.label)
+        like = Run(run_id, facts, "", {}, (), label=self.label)
         like = replace(like, words=self.words)
         return cells_of(self.every_run, self.axes, like)
 
@@ -231,14 +221,13 @@ class Sweep(Suggesting, Result):
         if checked(metrics, points["metric"]):
             points = points[points["metric"].isin(metrics)]
         if format == "csv":
-            return renderers.csv_of_table(points, self.changed)
+            return renderers.csv_of_table(points)
         table = self._table(metrics)
         if format == "markdown":
-            notes = [self.warning]
-            return renderers.markdown(replace(table, title="", notes=notes), intervals=False)
+            return renderers.markdown(replace(table, title=""), intervals=False)
         seeds = len(self.design.seeds)
         several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
-        notes = [several if seeds > 1 else "One seed.", self.warning]
+        notes = [several if seeds > 1 else "One seed."]
         if len(table.rows) > MAX_ROWS:
             notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
         title = f"Sweep {self.title} of {self.design.scenario}: main results"

@@ -14,6 +14,7 @@ import genie_sim as gs
 from genie_sim.analysis import compare_tables, metrics, renderers
 from genie_sim.analysis.compare import BLOCKS, SEEDS, Difference, compare
 from genie_sim.base.errors import UserError
+from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
@@ -265,7 +266,7 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     latex = compare_tables.text(made, "latex")
     gap = next(row for row in made.rows if row.metric == "first_answer_mean" and row.against)
     assert r"first answer, mean [ms] & " in latex and r"\caption" in latex
-    assert f"& {renderers.siunitx(gap.difference, '+')}" in latex
+    assert f"& {number_text(gap.difference, sign='+')}".replace("-", "$-$") in latex
 
 
 @pytest.mark.slow

@@ -135,7 +135,7 @@ def test_methods_and_placements_differ_without_colour():
     assert len({str(style.method_line(look)["linestyle"]) for look in range(4)}) == 4
     assert len({str(style.method_line(look)) for look in range(48)}) == 48
     assert len({(style.method_colour(look), style.method_marker(look)) for look in range(96)}) == 96
-    assert len(style.COLOURS) == len(style.DARK_COLOURS) == len({*style.COLOURS})
+    assert len(style.COLOURS) == len({*style.COLOURS})
     assert len({str(style.PLACEMENT_LINES[where]["linestyle"]) for where in style.PLACEMENTS}) == 2
     assert len({style.PLACEMENT_BARS[where]["hatch"] for where in style.PLACEMENTS}) == 2
 

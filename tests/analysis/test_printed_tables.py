@@ -98,9 +98,6 @@ def test_a_comparison(one: Run):
 
 def test_each_line_of_a_csv_has_a_cell_for_each_name():
     table = pd.DataFrame({"rate": [0.1, 0.5], "metric": ["m", "m"], "value": [1.0, None]})
-    names, *rows = csv.reader(renderers.csv_of_table(table, ["metrics.json"]).splitlines())
-    assert [(row[0], row[-1], len(row)) for row in rows] == [
-        ("0.1", "metrics.json", len(names)),
-        ("0.5", "metrics.json", len(names)),
-    ]
-    assert (names[0], names[-1]) == ("rate", "changed")
+    names, *rows = csv.reader(renderers.csv_of_table(table).splitlines())
+    assert [(row[0], len(row)) for row in rows] == [("0.1", len(names)), ("0.5", len(names))]
+    assert names[:2] == ["rate", "metric"]

@@ -9,13 +9,13 @@ from pathlib import Path
 from threading import Event, Thread
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, locked, read_text, remembered
-from genie_sim.record.provenance import result_folder
+from genie_sim.record.folders import result_folder
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 
@@ -206,6 +206,7 @@ def test_what_is_written_is_read_back(value: object) -> None:
     assert parse(dump(value), "text") == value
 
 
+@settings(max_examples=20)
 @given(st.text(max_size=60) | st.text("[]{}&*!|>'\"%@`:,-? \n\t#ab12", max_size=60))
 def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
     try:

@@ -18,7 +18,7 @@ def test_however_much_there_is_to_tell_it_is_ten_lines():
         report.leave_label(f"label {number}")
         report.choose("topic", f"/a{number}", [f"/a{number}", "/b"], "--topic")
         report.span(f"size {number}", [number], "px")
-        report.way(f"car{number}", [0.0, 3.0], [(0.0, 0.0), (30.0, 40.0)])
+        report.check_way(f"car{number}", [0.0, 3.0], [(0.0, 0.0), (30.0, 40.0)])
     lines = report.lines()
     assert len(lines) == 10 and not any("\n" in line for line in lines)
     assert (
@@ -42,9 +42,9 @@ def test_most_rows_must_stay(kept, refused):
     report = ImportReport("a.csv")
     if refused:
         with pytest.raises(UserError, match="51 of 100 fixes would be left out: no position"):
-            report.dropped("fixes", kept, 100, "no position")
+            report.check_dropped("fixes", kept, 100, "no position")
     else:
-        report.dropped("fixes", kept, 100, "no position")
+        report.check_dropped("fixes", kept, 100, "no position")
         assert report.left_out == {"fixes: no position": 40}
 
 

@@ -100,14 +100,6 @@ def test_a_metric_without_a_value_is_named(seeds, capsys):
     assert "give two results, or one with several methods" in said
 
 
-def test_energy_without_a_value_tells_of_power():
-    from genie_sim.analysis import compare
-
-    assert compare.no_value("energy_per_frame") == (
-        "no method has a value of energy_per_frame: a device without 'power' has no energy"
-    )
-
-
 @pytest.mark.parametrize(
     ("name", "near"),
     [
@@ -123,12 +115,6 @@ def test_a_metric_is_found_by_its_title(name, near):
     said = str(caught.value)
     assert f"metrics: unknown metric {name!r} (did you mean {near}" in said
     assert said.endswith("; see 'genie-sim list metrics'") and len(said) < 200
-
-
-def test_what_is_like_no_metric_gets_a_short_line():
-    with pytest.raises(UserError) as caught:
-        registry.checked(["xyzzy"])
-    assert str(caught.value) == "metrics: unknown metric 'xyzzy'; see 'genie-sim list metrics'"
 
 
 @pytest.mark.slow

@@ -90,19 +90,6 @@ def test_help_shows_three_examples_and_every_command(capsys):
     assert not cut, f"say it in fewer words: {cut}"
 
 
-def test_the_examples_of_help_are_right():
-    """Their commands and options exist and their scenario loads; running them is the README's
-    test.
-    """
-    from genie_sim.scenario.reading import load_scenario
-
-    assert (
-        load_scenario("street_3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device
-        == "orin_nano"
-    )
-    assert load_scenario("street_3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
-
-
 @pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("columns", [30, 80])
@@ -136,15 +123,6 @@ def test_a_run_shows_its_simulated_seconds_on_a_terminal():
     assert re.search(words, bars[-1])
     assert max(map(len, bars)) <= 100
     assert "Results: results/street_1car_hetero-" in plain(shown)
-
-
-@pytest.mark.process
-@pytest.mark.unix
-def test_progress_fits_a_narrow_window():
-    shown = on_a_terminal(*SHORT, columns=48)
-    bars = [line.strip() for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
-    assert bars
-    assert max(map(len, bars)) <= 48
 
 
 def test_without_a_terminal_there_is_no_bar_and_no_colour(run_process):
@@ -194,15 +172,6 @@ def test_colour_can_be_switched_off():
     shown = on_a_terminal(*SHORT, columns=100, NO_COLOR="1")
     assert "frames/s" in shown
     assert not re.search(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;[0-9;]*)m", shown)
-
-
-@pytest.mark.unix
-def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_process):
-    piped = run_process(*SHORT, env={"COLUMNS": "90"}).stdout
-    shown = plain(on_a_terminal(*SHORT, columns=90))
-    assert [line.rstrip() for line in piped.splitlines() if line.strip()][-5:] == [
-        line.rstrip() for line in shown.splitlines() if line.strip()
-    ][-5:]
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from genie_sim.cli.arguments import PATH
 from genie_sim.cli.main import app, main
 from genie_sim.scenario.checks import MAX_DAYS, check_time
 from genie_sim.scenario.reading import load_scenario
-from tests.checkout import REPOSITORY
+from tests.checkout import REPOSITORY, sign
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
 
@@ -77,7 +77,8 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
     path = folder / "frames.parquet"
     table = pq.ParquetFile(path).read()
     pq.write_table(table.drop_columns(["bytes_up"]), path)
-    assert main(["report", str(folder), "--allow-changed"]) == 1
+    sign(folder)
+    assert main(["report", str(folder)]) == 1
     one_line(capsys.readouterr().err, "frames.parquet: column bytes_up: missing, or not int64")
 
 
@@ -132,6 +133,7 @@ def test_home_is_found_in_the_environment(variable, capsys, monkeypatch):
     assert "~" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_library_finds_home_too(monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
     run = gs.run("street_1car_homo", SHORT, out="~/lab", report=False)
@@ -359,7 +361,14 @@ def test_an_output_replaces_nothing_but_its_own_kind(command, folder, capsys):
     assert {path: path.read_bytes() for path in before} == before
 
 
-@pytest.mark.parametrize("command", sorted(OUTPUTS.keys() - {"profile"}))
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "report" else ())
+        for name in OUTPUTS
+        if name != "profile"
+    ],
+)
 def test_an_output_replaces_its_own_kind_and_an_empty_file(command, folder):
     link_rates(Path("link.csv"))
     Path("out.svg").touch()

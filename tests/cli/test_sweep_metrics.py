@@ -62,7 +62,7 @@ def test_one_metric_of_two_axes_is_lines_at_any_width(plane):
 
 def test_a_sweep_says_what_it_cannot_draw(line, capsys):
     for name, message in (
-        ("rte", "unknown figure 'rte' (did you mean 'rate'?); known: rate; or a metric"),
+        ("rte", "unknown figure 'rte' (did you mean 'rate'?)"),
         ("lap_f1", "lap_f1: this sweep has no value of it to draw"),
     ):
         assert main(["figures", line, "--only", name, "--out", "none"]) == 1

@@ -19,7 +19,7 @@ import genie_sim as gs
 from genie_sim.analysis.renderers import ESCAPES
 from genie_sim.cli.main import main
 from genie_sim.record import provenance
-from tests.checkout import REPOSITORY, copied
+from tests.checkout import REPOSITORY, copied, sign
 
 LABEL = r"[a](b) $\frac$ *c _d_ `e` <img src=f>&lt;|~~g~~ \% #1 {h}"
 CONTROL = "\u202e\n\x1b[31m"
@@ -54,6 +54,7 @@ def add_controls(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('"=-', f'"={escaped}-'), encoding="utf-8")
     assert escaped in path.read_text(encoding="utf-8")
+    sign(path.parent)
 
 
 def test_a_title_that_is_no_line_is_refused():
@@ -103,17 +104,17 @@ def check_screen(capsys: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["run", "of somebody", "seeds", "sweep", "sweep of somebody"])
 def test_a_text_of_a_user_is_text_in_what_results_show(kind, lab, capsys):
-    folder, allowed = Path(shutil.copytree(lab / kind, "result")), ["--allow-changed"]
-    assert main(["report", str(folder), *allowed]) == 0
+    folder = Path(shutil.copytree(lab / kind, "result"))
+    assert main(["report", str(folder)]) == 0
     check_page((folder / "report.html").read_text(encoding="utf-8"))
     if "sweep" not in kind:
         check_markdown((folder / "summary.md").read_text(encoding="utf-8"))
-    assert main(["figures", str(folder), *allowed]) == 0
+    assert main(["figures", str(folder)]) == 0
     for path in (folder / "figures").glob("*.svg"):
         check_svg(path)
     check_screen(capsys)
     for format in TABLES:
-        assert main(["table", str(folder), "--format", format, *allowed]) == 0
+        assert main(["table", str(folder), "--format", format]) == 0
         check_table(format, check_screen(capsys))
 
 
@@ -133,9 +134,9 @@ def check_table(format: str, text: str) -> None:
 def test_a_text_of_a_user_is_text_in_a_comparison(kind, lab, capsys):
     for format in TABLES:
         line = ["compare", str(lab / kind), "--format", format, "--label", LABEL]
-        assert main([*line, "--allow-changed"]) == 0
+        assert main(line) == 0
         check_table(format, check_screen(capsys))
-    assert main([*line, "--allow-changed", "--out", "compared"]) == 0
+    assert main([*line, "--out", "compared"]) == 0
     check_markdown(Path("compared/table.md").read_text(encoding="utf-8"))
     check_latex(Path("compared/table.tex").read_text(encoding="utf-8"))
     check_page(Path("compared/compare.html").read_text(encoding="utf-8"))
@@ -150,14 +151,16 @@ def test_a_text_of_a_user_is_text_on_the_screen(lab, capsys):
     assert LABEL in check_screen(capsys)
 
 
+@pytest.mark.slow
 def test_a_text_of_somebody_s_evaluation_is_text(capsys):
     folder = copied(REPOSITORY / "results" / "paper", Path("paper"))
     rows = provenance.read_json(folder / "verdicts.json")
     provenance.write_json(
         folder / "verdicts.json", [row | {"why": CONTROL + LABEL} for row in rows]
     )
+    sign(folder)
     for command in (["table"], ["table", "--format", "csv"], ["report"]):
-        assert main([*command, str(folder), "--allow-changed"]) == 0
+        assert main([*command, str(folder)]) == 0
         check_screen(capsys)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<img") == page.count('<img src="data:image/svg+xml;base64,')

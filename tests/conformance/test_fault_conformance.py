@@ -219,7 +219,7 @@ def test_a_host_that_is_not_there_is_one_line():
     world, _ = small.world(small.scenario(["local"]))
     with pytest.raises(
         UserError,
-        match=r"^unknown host 'edge3' \(did you mean 'edge2'\?\); known: car1, car2, edge1",
+        match=r"^unknown host 'edge3' \(did you mean 'edge2'\?\)",
     ):
         world.network.void("edge3", "test")
     blind = small.scenario(["local"], cars=[small.car(1, cameras=False), small.car(2)])
@@ -250,7 +250,8 @@ def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
     """``fault: my_module:Crash`` in a scenario, a folder away from the package."""
     (tmp_path / "my_module.py").write_text(CRASH)
     fault = "{fault: 'my_module:Crash', target: edge1, begin: 3 s, end: 4 s}"
-    ran = run_cli("run", "street_1car_homo", "--set", f"faults=[{fault}]", "--no-report")
+    short = ("--set", "methods=[remote]", "--set", "cars[0].route.window=[0 s, 5 s]", "--no-report")
+    ran = run_cli("run", "street_1car_homo", "--set", f"faults=[{fault}]", *short)
     assert ran.returncode == 0, ran.stderr
     (folder,) = (tmp_path / "results").iterdir()
     import pandas as pd
@@ -292,7 +293,7 @@ class Halt:
         ({"fault": f"{OWN}:Crash"}, r"faults\[0\].target: missing"),
         (
             {"fault": f"{OWN}:Blackout", "target": "car1", "how": "hard"},
-            r"faults\[0\].how: unknown parameter of .*:Blackout 'how'; known: target",
+            r"faults\[0\].how: unknown parameter of .*:Blackout 'how'",
         ),
         (
             {"fault": f"{__name__}:Halt", "target": "edge7"},

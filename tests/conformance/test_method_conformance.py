@@ -43,7 +43,7 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
     entry = MethodEntry(name="gene", method=Choice("gene"))
     with pytest.raises(
         UserError,
-        match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local",
+        match=r"^unknown method 'gene' \(did you mean 'genie'\?\)",
     ):
         entry.new()
     with pytest.raises(UserError, match="unknown method 'gene'"):

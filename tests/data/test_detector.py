@@ -1,7 +1,5 @@
 """Detectors: pictures in, boxes out. A small stand-in network has YOLOX's inputs and outputs."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -169,18 +167,14 @@ def test_a_network_for_other_classes_is_refused(tmp_path):
         DetectorSettings("yolox_nano", path).opened()
 
 
-@pytest.mark.data
-@pytest.mark.skipif(
-    not {"GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS"} <= os.environ.keys(),
-    reason="GENIE_SIM_KITTI or GENIE_SIM_WEIGHTS is not set",
-)
-def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian():
+@pytest.mark.usefixtures("weights_dir")
+def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian(kitti_root):
     """Drive 0005, camera 02, first frame: a white van ahead, a man on a bicycle, a woman on the
     pavement.
     """
     from genie_sim.data.kitti.drive import open_drive, read_image
 
-    drive = open_drive(os.environ["GENIE_SIM_KITTI"], f"{DATE}/0005", ["02"])
+    drive = open_drive(kitti_root, f"{DATE}/0005", ["02"])
     found = (
         DetectorSettings("yolox_nano").opened().detect(read_image(drive.frames["02"][0].image_path))
     )

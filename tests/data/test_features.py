@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -96,10 +95,7 @@ def test_the_last_activation_is_found_by_the_structure_of_the_network():
     assert not plain.output
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(
-    not os.environ.get("GENIE_SIM_WEIGHTS"), reason="GENIE_SIM_KITTI and GENIE_SIM_WEIGHTS not set"
-)
+@pytest.mark.usefixtures("kitti_root", "weights_dir")
 def test_perceive_makes_the_shipped_features_again(shipped):
     from genie_sim.data.kitti.perceive import FrameSelection, perceive
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.data.kitti.labels import tracklets
+from genie_sim.data.kitti.tracklets import tracklets
 
 
 def write(path: Path, **values: object) -> Path:

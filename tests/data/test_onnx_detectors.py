@@ -10,7 +10,7 @@ import pytest
 
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
-from genie_sim.data.detectors import onnx_detector
+from genie_sim.data.detectors import onnx_session
 from genie_sim.data.detectors.detector import DETECTORS, DetectorSettings, Yolov8
 from tests.kitti_folder import make_network
 from tests.made_up_networks import (
@@ -264,7 +264,7 @@ def test_a_network_that_means_another_thing_is_named_for_what_it_is(tmp_path, ch
 
 def test_what_a_later_picture_shows_of_a_network_is_told_too(tmp_path, monkeypatch):
     """Logits of a picture without objects may look like scores."""
-    monkeypatch.setattr(Yolov8, "_check", lambda *_: None)
+    monkeypatch.setattr(Yolov8, "_check_outputs", lambda *_: None)
     for change, message in (("logits", "no probabilities"), ("shares", "shares of the picture")):
         network = changed(tmp_path / "a.onnx", change)
         with pytest.raises(UserError, match=message):
@@ -443,7 +443,7 @@ def bomb(path: Path, kind: str) -> Path:
 def test_a_network_that_takes_too_much_memory_is_refused(tmp_path, monkeypatch, kind):
     import resource
 
-    monkeypatch.setattr(onnx_detector, "FIRST_BYTES", 5 * 10**8)
+    monkeypatch.setattr(onnx_session, "FIRST_BYTES", 5 * 10**8)
     before = resource.getrlimit(resource.RLIMIT_AS)
     with pytest.raises(UserError, match=r"a.onnx: needs more than 0.6 GB for a picture of 320x320"):
         DetectorSettings("yolov8", bomb(tmp_path / "a.onnx", kind)).opened()
@@ -451,7 +451,7 @@ def test_a_network_that_takes_too_much_memory_is_refused(tmp_path, monkeypatch, 
 
 
 def test_a_network_that_never_ends_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(onnx_detector, "FIRST_S", 0.5)
+    monkeypatch.setattr(onnx_session, "FIRST_S", 0.5)
     with pytest.raises(UserError, match=r"a.onnx: has no answer to its first picture after 0.5 s"):
         DetectorSettings("yolov8", bomb(tmp_path / "a.onnx", "loop")).opened()
 

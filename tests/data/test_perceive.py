@@ -2,7 +2,6 @@
 KITTI's labels.
 """
 
-import os
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,6 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.detector import DetectorSettings, look
 from genie_sim.data.detectors.detector_laws import looked_at
 from genie_sim.data.detectors.placement import HALF_DEPTH_M
-from genie_sim.data.encoding import difference_hash
 from genie_sim.data.kitti import pipeline
 from genie_sim.data.kitti.drive import read_image
 from genie_sim.data.kitti.perceive import FrameSelection, perceive
@@ -36,9 +34,6 @@ from tests.kitti_folder import (
 
 DRIVE = f"{DATE}/0005"
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parquet"
-NEEDS = ("GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS")
-MISSING = [name for name in NEEDS if name not in os.environ]
-real_data = pytest.mark.skipif(bool(MISSING), reason=f"{' and '.join(MISSING)} not set")
 ALL_FRAMES = FrameSelection(DRIVE)
 
 
@@ -372,18 +367,7 @@ def test_provenance_says_what_the_trace_was_made_of(street):
     assert "onnxruntime" in provenance["versions"]
 
 
-def test_difference_hash_tells_pictures_apart_but_not_their_brightness():
-    random = np.random.default_rng(1)
-    image = cv2.GaussianBlur(random.integers(40, 160, (375, 1242, 3), dtype=np.uint8), (0, 0), 60)
-    image = cv2.normalize(image, None, 40, 160, cv2.NORM_MINMAX)
-    other = image[:, ::-1]
-    assert 0 <= difference_hash(image) < 2**64
-    assert (difference_hash(image) ^ difference_hash(image + 20)).bit_count() <= 4
-    assert (difference_hash(image) ^ difference_hash(other)).bit_count() >= 16
-
-
-@pytest.mark.data
-@real_data
+@pytest.mark.usefixtures("kitti_root", "weights_dir")
 def test_the_shipped_trace_is_made_from_these_frames():
     """Every 30th frame again.
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from genie_sim.base.classes import CANONICAL
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.importers.trace_import import ImportedCar, scan_frame, traces
+from genie_sim.data.importers.trace_import import ImportedCar, new_detection, scan_frame, traces
 from genie_sim.data.truth import TruthObject
 from tests.data.made_drives import CHECKS, READERS, cases, steady, told
 
@@ -28,8 +30,10 @@ def test_of_a_drive_that_is_right_nothing_is_told(tmp_path: Path, reader: str):
     assert told(READERS[reader], steady(), tmp_path) == (False, [])
 
 
-def with_truth(*there: tuple[float, str, float]) -> ImportedCar:
-    """A car at 1 m/s, of whose frames at some times [s] is told what is so far ahead [m]."""
+def car_with(*there: tuple[float, str, float], report: ImportReport) -> ImportedCar:
+    """A car at 1 m/s: when its frames were taken [s], what is detected 8 m ahead, and how far ahead
+    that is told to be [m].
+    """
     frames = [
         scan_frame(
             camera="sensor",
@@ -38,15 +42,16 @@ def with_truth(*there: tuple[float, str, float]) -> ImportedCar:
             key=str(number),
             pose=CameraPose(time_s, 0.0, 0.0, 0.0),
             horizontal_fov_rad=6.0,
-            detections=(),
+            detections=[
+                new_detection(label, 0.5, None, np.array([time_s + 8.0, 0.0, 0.0]), placed_by="x")
+            ],
         )
-        for number, (time_s, _, _) in enumerate(there)
+        for number, (time_s, label, _) in enumerate(there)
     ]
     objects = [
         [TruthObject(number, label, False, True, time_s + ahead_m, 0.0, 0.0)]
         for number, (time_s, label, ahead_m) in enumerate(there)
     ]
-    report = ImportReport("made up")
     return traces(
         {"car1": frames},
         origin=(0.0, 0.0, 0.0),
@@ -57,9 +62,8 @@ def with_truth(*there: tuple[float, str, float]) -> ImportedCar:
 
 
 def test_truth_goes_with_its_frames_however_they_are_ordered_and_numbered():
-    imported = with_truth(
-        (7.0, "car", 8.0), (5.0, "bus", 9.0), (5.0002, "car", 9.0), (6.0, "car", 8)
-    )
+    there = (7.0, "car", 8.0), (5.0, "bus", 9.0), (5.0002, "car", 9.0), (6.0, "car", 8.0)
+    imported = car_with(*there, report=ImportReport("made up"))
     trace, table = imported
     assert table is not None and table.trace == trace.digest
     rows = [(row.frame, row.stamp_ns, row.object, row.label, row.east_m) for row in table.rows]
@@ -74,11 +78,21 @@ def test_truth_goes_with_its_frames_however_they_are_ordered_and_numbered():
 @pytest.mark.parametrize(
     ("label", "ahead_m", "told"),
     [
-        ("Vehicle", 8.0, "object 0 at 0 s: label: unknown class 'Vehicle'"),
+        ("bench", 8.0, "object 0 at 0 s: label: unknown class 'bench'"),
         ("car", float("inf"), "at no place on Earth"),
         ("car", 300.0, "no object is ever within 50 m of a car"),
     ],
 )
 def test_truth_that_cannot_be_is_refused_of_every_reader(label: str, ahead_m: float, told: str):
     with pytest.raises(UserError, match=told):
-        with_truth((0.0, label, ahead_m), (1.0, label, ahead_m))
+        car_with((0.0, label, ahead_m), (1.0, label, ahead_m), report=ImportReport("x"))
+
+
+def test_labels_that_are_no_classes_are_told_and_refused_where_most_are(monkeypatch):
+    monkeypatch.setitem(CANONICAL, "Vehicle", "car")
+    report = ImportReport("x")
+    labels = ["car", "car", "Vehicle"]
+    car_with(*((float(n), label, 8.0) for n, label in enumerate(labels)), report=report)
+    assert any("1 of 3 detections have labels that are no classes" in w for w in report.warnings)
+    with pytest.raises(UserError, match="2 of 2 detections have labels that are no classes"):
+        car_with((0.0, "Vehicle", 8.0), (1.0, "Vehicle", 8.0), report=ImportReport("x"))

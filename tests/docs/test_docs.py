@@ -34,7 +34,13 @@ LONGEST_PAGE_S = 600
 
 @pytest.mark.process
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FOLLOWED)
+@pytest.mark.parametrize(
+    "name",
+    [  # examples have tests of their own, tests/examples
+        pytest.param(name, marks=pytest.mark.nightly if name.startswith("examples/") else ())
+        for name in FOLLOWED
+    ],
+)
 def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[str, str]):
     """Look at the differences; if the page should show them: run it again by hand with --accept,
     read, commit.

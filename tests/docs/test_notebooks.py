@@ -12,6 +12,7 @@ import pytest
 from tests.checkout import REPOSITORY
 
 NOTEBOOKS = sorted((REPOSITORY / "notebooks").glob("*.ipynb"))
+LONG = ("2_", "5_")  # the whole evaluation, and a sweep
 LONGEST_CELL_S = 600
 MOST_LINES = 40
 MOST_BASE64 = 200_000  # five figures of the paper
@@ -65,7 +66,14 @@ def test_a_notebook_is_kept_with_outputs_and_small_figures(path: Path):
 
 @pytest.mark.process
 @pytest.mark.slow
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=pytest.mark.nightly if path.stem.startswith(LONG) else ())
+        for path in NOTEBOOKS
+    ],
+    ids=lambda path: path.stem,
+)
 def test_a_notebook_prints_what_it_is_kept_with(
     path: Path, tmp_path: Path, as_a_reader: dict[str, str]
 ):

@@ -176,7 +176,7 @@ def test_the_order_of_value_sends_more_value_in_fewer_bytes(monkeypatch: pytest.
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"order": "best"}, r"methods\[0\].order: unknown order 'best'; known: random, value"),
+        ({"order": "best"}, r"methods\[0\].order: unknown order 'best'"),
         ({"budget": "-1 B"}, r"methods\[0\].budget: must not be negative"),
         ({"every": "0 s"}, r"methods\[0\].every: must be"),
         ({"budgt": "1 kB"}, r"unknown parameter of autocast:AutoCast 'budgt' \(did you mean"),

@@ -188,7 +188,7 @@ EGO_FILE = DETECTIONS.format(split="val", car="ego", number="0001")
 @pytest.mark.parametrize(
     ("path", "old", "new", "message"),
     [
-        (LABEL_FILE, "1 3 Car", "1 3 Van", r"0001.txt: line 17: type 'Van'; known: Car"),
+        (LABEL_FILE, "1 3 Car", "1 3 Van", r"0001.txt: line 17: type 'Van'"),
         (LABEL_FILE, "1 3 Car", "1 x Car", r"0001.txt: line 17: could not convert"),
         (LABEL_FILE, "1 3 Car", "1 2.5 Car", r"line 17: track '2.5' is no whole number"),
         (LABEL_FILE, "2 3 Car", "0 3 Car", r"line \d+: frame 0 comes after frame 1"),

@@ -124,22 +124,6 @@ def test_the_airtime_is_preamble_and_symbols():
     assert AIRTIME_NS == 496 * US
 
 
-@pytest.mark.slow
-def test_a_lone_sender_waits_for_its_backoff_and_no_more():
-    """AIFS, 0 to 15 slots with equal chances, airtime: the mean is 7.5 slots."""
-    from scipy.stats import chisquare
-
-    street = Street({"car0": 0.0})
-    at_ns = [number * S // 100 for number in range(3000)]
-    street.offer("car0", at_ns)
-    waits = [one.begin_ns - at - IDLE_NS for one, at in zip(street.run(), at_ns, strict=True)]
-    slots, rest = np.divmod(waits, SLOT_NS)
-    assert not rest.any()
-    counts = np.bincount(slots, minlength=WINDOW + 1)
-    assert len(counts) == WINDOW + 1 and chisquare(counts).pvalue > 0.01
-    assert slots.mean() == pytest.approx(7.5, abs=0.25)  # three standard deviations
-
-
 def test_a_backoff_goes_on_where_it_was_interrupted():
     """Three slots and five: the second waits for the first, for AIFS, and for the two left."""
     first, second = by_hand(cluster(2), {"car0": [3], "car1": [5]}, {})
@@ -215,38 +199,6 @@ def crowd(count: int, rate_hz: float, each: int) -> Street:
         street.offer(f"car{number}", poisson_ns(rng, rate_hz, each))
     street.run()
     return street
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [100, 1000], ids=["heavy", "saturated"])
-def test_who_hears_each_other_overlaps_only_from_the_same_instant_on(rate_hz: float):
-    """Ten hosts, whatever the load; all that does not overlap is received by all others."""
-    sent = sorted(crowd(10, rate_hz, 100).sent, key=lambda one: one.begin_ns)
-    collided = 0
-    for _, together in itertools.groupby(sent, key=lambda one: one.begin_ns):
-        group = list(together)
-        collided += len(group) > 1
-        for one in group:
-            assert len(one.heard_by) == (9 if len(group) == 1 else 0)
-    begins_ns = sorted({one.begin_ns for one in sent})
-    gaps_ns = np.diff(begins_ns)
-    assert gaps_ns.min() >= AIRTIME_NS + IDLE_NS
-    assert collided > 0, "there is something to check"
-
-
-@pytest.mark.slow
-def test_the_busy_ratio_is_the_sum_of_airtimes():
-    """Every host senses the same: each message once, those that collide once together. Ten hosts
-    with 50 messages a second offer 25 %, of which few collide.
-    """
-    street = Street(cluster(10))
-    for host, phase in zip(street.places, stream(SEED, "phases").random(10), strict=True):
-        street.offer(host, [int((number + phase) * S / 50) for number in range(200)])
-    begins = {one.begin_ns for one in street.run()}
-    (busy_ns,) = {station.busy_ns for station in street.stations.values()}
-    assert busy_ns == len(begins) * AIRTIME_NS
-    offered = 10 * 50 * AIRTIME_NS / S
-    assert 0.96 * offered < busy_ns / (4 * S) <= offered
 
 
 def test_counts_of_receptions_are_those_of_the_messages():

@@ -57,6 +57,7 @@ def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, fo
     )
 
 
+@pytest.mark.slow
 def test_a_car_without_a_detector_learns_from_its_edge_anyway():
     usual, own = (
         numbers(f"genie.car_learns={learns}", scenario="street_case_study")

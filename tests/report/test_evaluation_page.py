@@ -16,7 +16,7 @@ from genie_sim.paper import claims, printed
 from genie_sim.paper.reproduce import FILES, Reproduction
 from genie_sim.record import provenance
 from genie_sim.report import template
-from tests.checkout import copied
+from tests.checkout import copied, sign
 from tests.report.pages import EVIL, MEGABYTE, asked_for, middle, picture
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
@@ -84,7 +84,7 @@ def test_report_writes_the_page_of_an_evaluation(folder, page, capsys):
         (lambda folder: (folder / "numbers.parquet").unlink(), "numbers.parquet: no such file"),
         (lambda folder: (folder / "run.json").write_text("{"), "run.json: cannot be read"),
         (
-            lambda folder: (folder / "verdicts.json").write_text('[{"id": "C1"}]'),
+            lambda folder: [(folder / "verdicts.json").write_text('[{"id": "C1"}]'), sign(folder)],
             "not written by this version",
         ),
     ],
@@ -92,7 +92,7 @@ def test_report_writes_the_page_of_an_evaluation(folder, page, capsys):
 )
 def test_a_folder_that_is_not_whole_gets_one_line(folder, spoil, message, capsys):
     spoil(folder)
-    assert main(["report", str(folder), "--allow-changed"]) == 1
+    assert main(["report", str(folder)]) == 1
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.record.results import MetricValue, Run
@@ -29,10 +27,8 @@ def test_one_run_is_a_table_with_a_note_on_its_intervals():
     assert html.count("<small>") == 1, "nothing else is to be said"
 
 
-def test_several_seeds_have_their_own_note_and_a_warning_is_shown():
+def test_several_seeds_have_their_own_note():
     seeds = SeedRuns([made(1), made(2, shift=2.0), made(3, shift=4.0)])
     html = notebook.run_html(seeds)
     assert f"<p><small>{summary.about_seeds(seeds)}</small></p>" in html
     assert summary.ABOUT_INTERVALS not in html and "<td>12 <small>(7.03 to 17)</small></td>" in html
-    changed = replace(made(1), changed=("frames.parquet",))
-    assert changed.warning and changed.warning in notebook.run_html(changed)

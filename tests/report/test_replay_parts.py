@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from genie_sim.record.columns import Text
-from genie_sim.report.packing import deltas, integers, scaled
-from genie_sim.report.replay import _Names
+from genie_sim.report.replay import _Names, deltas, integers, scaled
 
 
 def test_a_text_that_the_page_does_not_know_is_shown_by_itself():

@@ -7,6 +7,7 @@ from __future__ import annotations
 import base64
 import copy
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from html import escape, unescape
 from pathlib import Path
@@ -16,7 +17,7 @@ import pandas as pd
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis import figures, screen
+from genie_sim.analysis import figures, screen, style
 from genie_sim.analysis.compare import compare
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.cli.main import main
@@ -76,6 +77,18 @@ def test_every_frame_of_a_short_run_is_in_the_replay(run, page):
         )
     assert sum(len(one["lookups"]["t_us"]) for one in shown["methods"]) == len(run.lookups)
     assert sum(len(one["held_objects"]["car"]) for one in shown["methods"]) == len(run.held_objects)
+
+
+def test_every_field_of_the_replay_is_told_where_it_is_made(page):
+    def fields(value: object) -> Iterator[str]:
+        if isinstance(value, dict):
+            yield from value
+        for part in value.values() if isinstance(value, dict) else value:
+            if isinstance(part, dict | list):
+                yield from fields(part)
+
+    told = replay.__doc__.partition("::")[2]
+    assert set(fields(replay_of(page))) <= set(re.findall(r"\w+", told))
 
 
 def test_a_frame_of_the_replay_is_that_of_the_tables(run, page):
@@ -150,7 +163,9 @@ def test_the_page_has_the_numbers_sentences_and_figures_of_the_run(run, page):
     assert run.yaml.strip() in words
     pictures = [base64.b64decode(text) for text in re.findall(r'svg\+xml;base64,([^"]*)', page)]
     drawn = figures.of_run(run)
-    assert pictures == [figures.svg(drawn[name]) for name in html_page.FIGURES]
+    assert pictures == [
+        figures.svg(drawn[name]) for name, pages in style.RUN_FIGURES.items() if style.RUN in pages
+    ]
     assert html_page.page(run, drawn=drawn) == page
 
 
@@ -406,7 +421,7 @@ def test_a_false_object_is_a_cross_on_the_street_and_counted_below_it(browser, f
     told = browser.evaluate("""unpacked(byId('data').textContent).then((replay) => {
       const run = decode(replay), map = byId('map');
       const t = Number(byId('clock').value.split(' ')[0]) * 1e6;
-      const found = believed(run, run.methods[Number(byId('method').value)], t);
+      const found = heldObjectsAt(run, run.methods[Number(byId('method').value)], t);
       const { place } = viewOf(run, map.clientWidth, map.clientHeight), pen = map.getContext('2d');
       const pixel = ({ east, north }) => place(east, north).map(Math.round);
       const at = (object) => pen.getImageData(...pixel(object), 1, 1).data.slice(0, 3);
@@ -417,7 +432,7 @@ def test_a_false_object_is_a_cross_on_the_street_and_counted_below_it(browser, f
         return [tone.filter((one) => one === colour('ghost')).length, tone.length];
       };
       const there = [tones(isGhost), tones((one) => one.judged === 'right')];
-      byId('believed').click();
+      byId('held-objects').click();
       return [...there, tones(isGhost), byId('moment').textContent];
     })""")
     (crosses, ghosts), (wrong, right), (hidden, _), text = told
@@ -451,7 +466,7 @@ def test_a_click_on_a_frame_tells_its_story_from_the_stamp_on(browser, file, run
     assert f"served by {row['served_by']}, {took_ms:.1f} ms after the picture" in story
     if pd.notna(row["objects_fresh"]):
         assert f"{int(row['objects_fresh'])} object" in story
-    assert "dropped at" in story or "fresh" in story
+    assert "dropped at" in story or "fresh result" in story.lower()
     steps = browser.evaluate(
         "[...byId('story').querySelectorAll('tbody tr')].map((row) => [...row.cells]"
         ".map((cell) => cell.textContent))"

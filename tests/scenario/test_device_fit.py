@@ -112,6 +112,7 @@ def test_times_that_are_all_equal_are_fitted():
     assert fitted.loc + (1 - fitted.loc) * math.exp(2 * fitted.sigma) == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_detector_is_measured_into_a_profile(run_cli, tmp_path):
     weights = make_network(tmp_path / "yolox_nano.onnx")
     arguments = ("profile", "--detector", "yolox_nano", "--weights", str(weights), "--runs", "20")

@@ -184,7 +184,7 @@ def test_other_cars_notice_a_hand_over_only_through_the_edges():
     assert with_mover.astype(object).fillna("").equals(alone.astype(object).fillna(""))
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(
     st.lists(st.tuples(st.integers(0, 800), st.integers(1, 2)), max_size=5),
     st.sampled_from((0, 20, 50, 300)),

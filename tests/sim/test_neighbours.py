@@ -117,7 +117,7 @@ def test_naming_all_others_is_the_same_as_naming_none():
     [
         (
             {"edge1": ["edge4"]},
-            r"edges\[0\].neighbours\[0\]: unknown edge 'edge4' \(did you mean 'edge3'\?\); known: ",
+            r"edges\[0\].neighbours\[0\]: unknown edge 'edge4' \(did you mean 'edge3'\?\)",
         ),
         (
             {"edge2": ["edge1", "edge2"]},

@@ -177,20 +177,26 @@ def test_a_peer_answers(passes):
     "settings",
     [
         ("start_jitter=30 ms",),
-        (
-            "genie.miss_policy=blocking",
-            "genie.same_key_pending=forward",
-            "queue_length=3",
-            "cars[0].link=wifi",
+        pytest.param(
+            (
+                "genie.miss_policy=blocking",
+                "genie.same_key_pending=forward",
+                "queue_length=3",
+                "cars[0].link=wifi",
+            ),
+            marks=pytest.mark.slow,
         ),
-        (
-            "faults=[{fault: outage, target: car1, begin: 500 ms, end: 1 s}]",
-            "genie.share_answers=on_request",
+        pytest.param(
+            (
+                "faults=[{fault: outage, target: car1, begin: 500 ms, end: 1 s}]",
+                "genie.share_answers=on_request",
+            ),
+            marks=pytest.mark.slow,
         ),
     ],
 )
 def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(settings):
-    windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 1.5} s]" for i in range(3)]
+    windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 1} s]" for i in range(3)]
     others = ["methods[11]=paced_remote", "methods[12]=recommended"]
     run = run_in_memory(load_scenario("baselines", [*others, *windows, *settings]))
     assert {one.name for one in run.methods} == set(METHODS)

@@ -28,6 +28,7 @@ def network(clock: Clock, processor: Processor) -> SimpleNamespace:
     )
 
 
+@pytest.mark.slow
 def test_availability_of_a_queue_with_breakdowns():
     """M/M/1 whose server breaks down: it is up for a share MTBF / (MTBF + MTTR) of the time, within
     3 standard errors over 1,000 cycles, and a queue that is never empty is served at that share of

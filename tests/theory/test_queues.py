@@ -110,7 +110,7 @@ def test_accelerator_matches_m_m_1():
     assert equivalent(waits, expected=pollaczek_khinchine(0.5, 1.0), margin=0.08)
 
 
-@pytest.mark.parametrize("rho", [0.3, 0.7])
+@pytest.mark.parametrize("rho", [pytest.param(0.3, marks=pytest.mark.nightly), 0.7])
 def test_accelerator_matches_m_d_1(rho: float):
     """Mean wait, M/D/1: rho / (2 (1 - rho)) service times."""
     waits = replicate(processor_waits(rho, always, customers=6000), replications=30, seed=2)
@@ -128,6 +128,7 @@ def test_cores_of_a_cpu_match_m_m_c():
     assert equivalent(waits, expected=erlang_c(0.6, 2), margin=0.10)
 
 
+@pytest.mark.nightly
 def test_cores_of_a_cpu_match_m_d_c():
     """Genie's CPU: several cores, one queue."""
     assert crommelin(0.7, 1) == pytest.approx(pollaczek_khinchine(0.7, 0.0)), (
@@ -250,7 +251,7 @@ def test_detector_with_an_unbounded_queue_matches_m_d_1():
     assert equivalent(waits, expected=pollaczek_khinchine(0.6, 0.0), margin=0.08)
 
 
-@pytest.mark.parametrize("rho", [0.7, 2.6])
+@pytest.mark.parametrize("rho", [pytest.param(0.7, marks=pytest.mark.nightly), 2.6])
 def test_detector_that_keeps_the_newest_image_drops_as_m_d_1_2(rho: float):
     """Of M/D/1/2 a share 1 - 1 / (rho + exp(-rho)) is lost, whichever of two waiting images goes.
 
@@ -407,7 +408,7 @@ def test_batches_match_the_queue_with_bulk_service(load: float, batch: int):
     assert equivalent(waits, expected=expected, margin=0.08)
 
 
-@pytest.mark.parametrize("batch", [1, 3, 8])
+@pytest.mark.parametrize("batch", [1, pytest.param(3, marks=pytest.mark.nightly), 8])
 def test_a_saturated_detector_serves_a_full_batch_after_the_other(batch: int):
     """Throughput b / t(b), to 1 %."""
     detector, graph = batching_detector(batch=batch)

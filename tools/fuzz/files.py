@@ -12,8 +12,10 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.detector import DetectorSettings
 from genie_sim.data.importers import fetch
 from genie_sim.data.kitti.drive import open_drive, read_image
-from genie_sim.data.kitti.labels import label_file, tracking_labels, tracklets
+from genie_sim.data.kitti.labels import label_file
+from genie_sim.data.kitti.tracking_labels import tracking_labels
 from genie_sim.data.kitti.tracking_sequence import open_sequence
+from genie_sim.data.kitti.tracklets import tracklets
 from genie_sim.data.trace import read_trace, write_trace
 from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile

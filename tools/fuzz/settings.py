@@ -21,6 +21,7 @@ from genie_sim.analysis.seed_runs import load_run
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
+from genie_sim.record.provenance import digests
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
 from genie_sim.report.html_page import write
@@ -274,7 +275,7 @@ def result_folders(folder: Path) -> Case:
     def use(rng: random.Random, path: Path) -> None:
         if path.is_relative_to(swept):
             if rng.random() < 0.5:
-                Sweep.read(swept, allow_changed=rng.random() < 0.9).text()
+                Sweep.read(swept).text()
             else:
                 Study.of(load_design(folder / "s.yaml"), "s.yaml", folder).finish()
             return
@@ -284,13 +285,13 @@ def result_folders(folder: Path) -> Case:
                 plugins.own_code_allowed(False),
                 mock.patch("genie_sim.runs.folder.simulate_into", side_effect=UserError("stopped")),
             ):
-                rerun(run, allow_changed=True)
+                rerun(run)
         elif what == 1:
-            write(folder / NAME, load_run(run, allow_changed=True))
+            write(folder / NAME, load_run(run))
         elif what == 2:
-            compare_tables.text(compare([load_run(run, allow_changed=True)], ()), "csv")
+            compare_tables.text(compare([load_run(run)], ()), "csv")
         else:
-            run_command(["export", str(run), "--allow-changed", "--out", str(folder / "run.mcap")])
+            run_command(["export", str(run), "--out", str(folder / "run.mcap")])
 
     def case(rng: random.Random) -> None:
         path = rng.choice(list(whole))
@@ -298,11 +299,17 @@ def result_folders(folder: Path) -> Case:
             path.write_text(json.dumps(changed(json.loads(whole[path]), rng)))
         else:
             path.write_bytes(broken(whole[path], rng))
+        about = path.with_name("sweep.json" if path.is_relative_to(swept) else "run.json")
+        if path != about and path.name in json.loads(whole[about])["digests"]:  # a hidden change
+            said = json.loads(whole[about])
+            said["digests"] |= digests(path.parent, [path.name])
+            about.write_text(json.dumps(said))
         try:
             with mock.patch("genie_sim.analysis.figures.save"):
                 use(rng, path)
         finally:
             path.write_bytes(whole[path])
+            about.write_bytes(whole[about])
 
     return case
 

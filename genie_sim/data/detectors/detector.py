@@ -19,7 +19,6 @@ from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.core.messages import Encoding
 from genie_sim.data.detectors.onnx_detector import (
-    CPU,
     MIN_SCORE,
     SHARES,
     DetectedBox,
@@ -28,6 +27,7 @@ from genie_sim.data.detectors.onnx_detector import (
     is_share,
     letterbox,
 )
+from genie_sim.data.detectors.onnx_session import CPU
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 FARTHEST_PX = 1e6  # that a box may lie from the corner of its picture
@@ -393,9 +393,10 @@ class DetectorSettings:
         if isinstance(kind, type) and issubclass(kind, OnnxDetector):
             network = {"providers": self.providers, "threads": self.threads}
             network |= {"classes": self.classes} if self.classes else {}
-        elif self.threads != 1:
+        elif self.threads != 1 or self.classes or (*self.providers,) != (CPU,):
             raise UserError(
-                f"{self.name}: is no OnnxDetector, which alone can have several threads"
+                f"{self.name}: is no OnnxDetector, which alone can have several threads, providers "
+                "and other names of classes"
             )
         detector: ImageDetector = plugins.call(
             "detector",

@@ -11,19 +11,24 @@ import threading
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL, NO_CLASS, ROAD_LABELS
-from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory, unknown
+from genie_sim.base.classes import NO_CLASS, ROAD_LABELS, class_of
+from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.features import packed
-from genie_sim.base.parallel import limited_memory
 from genie_sim.core.messages import Box
-from genie_sim.data.detectors.onnx_files import COPIES, read_network
+from genie_sim.data.detectors.onnx_session import (
+    CPU,
+    bounded_memory,
+    bounded_time,
+    open_session,
+    read_network,
+)
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.
@@ -41,7 +46,6 @@ COCO_LABELS = tuple(re.split(r",\s+", COCO.strip()))
 
 QUIET_LABELS = frozenset({*COCO_LABELS, *ROAD_LABELS, NO_CLASS})
 
-CPU = "CPUExecutionProvider"
 KINDS = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # of inputs
 
 # autowarefoundation/autoware, vision_darknet_detect: score_threshold and nms_threshold of its
@@ -53,10 +57,6 @@ NMS_IOU = 0.30
 GREY = 114  # what fills the rest of a letter box
 # of a network's input: about 5800 x 5800
 MAX_PIXELS = 2**25
-# What a network may take for its first picture: some bytes for each pixel and each of its own, and
-# seconds. A hundred times what published networks take.
-FIRST_BYTES, BYTES_OF_PIXEL = 2 * 10**9, 1000
-FIRST_S = 60.0
 
 
 SCORE_SLACK = 0.01  # of half precision
@@ -151,49 +151,19 @@ class OnnxDetector(ABC):
         self._unused: Counter[str] = Counter()
         self._lock = threading.Lock()
         self.cells, self.cell_strides = _cells(self.size, self.strides)
-        self._run_options: Any = None
-        more_bytes = FIRST_BYTES + BYTES_OF_PIXEL * width * height
-        more_bytes += COPIES * network.ByteSize()
-        # Devices other than the processor take addresses for all their memory.
-        bound = limited_memory(more_bytes) if (*providers,) == (CPU,) else nullcontext()
-        try:
-            with bound:
-                self._open(weights, network, providers)
-        except Exception as error:
-            if tells_of_low_memory(error.__cause__ or error):
-                raise UserError(
-                    f"{weights}: needs more than {more_bytes / 1e9:.1f} GB for a picture of "
-                    f"{width}x{height}"
-                ) from error
-            raise
-
-    def _open(self, weights: Path, network: Any, providers: Sequence[str]) -> None:
-        """Opens the network and looks at a grey picture, for a limited time."""
-        import onnxruntime
-
-        self._session = self._opened(weights, network, providers)
-        self._input = self._session.get_inputs()[0].name
-        kind = self._session.get_inputs()[0].type
-        if kind not in KINDS:
-            raise UserError(
-                f"{weights}: its input is a {kind}; known: {', '.join(KINDS)}: export it so"
+        with bounded_memory(weights, network, self.size, providers):
+            self._session = open_session(
+                weights, network, self.size, providers=providers, threads=threads
             )
-        self._kind = KINDS[kind]
-        self._run_options = options = onnxruntime.RunOptions()
-        timer = threading.Timer(FIRST_S, setattr, (options, "terminate", True))
-        timer.daemon = True
-        timer.start()
-        try:
-            self._check(weights)
-        except Exception as error:
-            if options.terminate:
+            first = self._session.get_inputs()[0]
+            if first.type not in KINDS:
                 raise UserError(
-                    f"{weights}: has no answer to its first picture after {FIRST_S:g} s"
-                ) from error
-            raise
-        finally:
-            timer.cancel()
-            self._run_options = None
+                    f"{weights}: its input is a {first.type}; known: {', '.join(KINDS)}: export "
+                    "it so"
+                )
+            self._input, self._kind = first.name, KINDS[first.type]
+            with bounded_time(weights) as options:
+                self._check_outputs(options)
 
     @classmethod
     def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
@@ -253,10 +223,12 @@ class OnnxDetector(ABC):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Boxes and scores from the outputs of one picture."""
 
-    def infer(self, blob: np.ndarray) -> list[np.ndarray]:
-        """The outputs for one prepared picture: nothing but the network itself."""
+    def infer(self, blob: np.ndarray, options: Any = None) -> list[np.ndarray]:
+        """The outputs for one prepared picture: nothing but the network itself. ``options`` are
+        ONNX Runtime's of this run.
+        """
         feed = {self._input: blob.astype(self._kind, copy=False)}
-        outputs = self._session.run(None, feed, self._run_options)
+        outputs = self._session.run(None, feed, options)
         plain = [
             output.astype(np.float32) if output.dtype == np.float16 else output
             for output in outputs
@@ -267,7 +239,7 @@ class OnnxDetector(ABC):
         """What the outputs say of the one picture that the network got."""
         return [output[0] for output in outputs]
 
-    def _found(
+    def _best_boxes(
         self, outputs: Sequence[np.ndarray], scale: float, shape: tuple[int, ...]
     ) -> list[DetectedBox]:
         """Road users and furniture in a picture of (height, width), best score first."""
@@ -299,55 +271,23 @@ class OnnxDetector(ABC):
         """
         blob, scale = self.prepare(image_bgr)
         outputs = self.infer(blob)
-        boxes = self._found(outputs[: self.outputs], scale, image_bgr.shape)
+        boxes = self._best_boxes(outputs[: self.outputs], scale, image_bgr.shape)
         gap = {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
         return boxes, gap
 
-    def _opened(self, weights: Path, network: Any, providers: Sequence[str]) -> Any:
-        """An ONNX Runtime session; the network may have been made for another size."""
-        import onnxruntime
-        from onnx import numpy_helper
-
-        for provider in providers:
-            if provider not in onnxruntime.get_available_providers():
-                raise UserError(
-                    unknown("provider", provider, onnxruntime.get_available_providers())
-                )
-        dims = network.graph.input[0].type.tensor_type.shape.dim
-        for dim, value in zip(dims, (1, 3, self.size[1], self.size[0]), strict=True):
-            dim.dim_value = value
-        for value in network.graph.input[1:]:
-            sizes = np.array([self.size], np.int64)
-            network.graph.initializer.append(numpy_helper.from_array(sizes, value.name))
-        del network.graph.input[1:]
-        for number, output in enumerate(network.graph.output):
-            for axis, dim in enumerate(output.type.tensor_type.shape.dim):
-                dim.dim_param = f"output_{number}_{axis}"
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads, options.inter_op_num_threads = self.threads, 1
-        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-        # leaves the cores to others
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 4
-        # ONNX Runtime's exceptions have no common base of their own, nor have ONNX's and
-        # Protobuf's.
-        with as_user_error(f"{weights}: ONNX Runtime cannot use this network", Exception):
-            return onnxruntime.InferenceSession(
-                network.SerializeToString(), options, providers=list(providers)
-            )
-
-    def _check(self, weights: Path) -> None:
+    def _check_outputs(self, options: Any) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
+        weights = self.weights
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
         with as_user_error(f"{weights}: is no {self.name} network", Exception):
-            outputs = self.infer(blob)
+            outputs = self.infer(blob, options)
         shapes = [output.shape for output in outputs[: self.outputs]]
         expected = self.output_shapes()
         if not all(map(_fits, shapes, expected)):
             wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
             raise UserError(
                 f"{weights}: is no {self.name} network: its output is "
-                f"{', '.join(map(str, shapes))}, expected {wanted}{self._hint(shapes)}"
+                f"{', '.join(map(str, shapes))}, expected {wanted}{self._other_kind(shapes)}"
             )
         self._check_scores(outputs[: self.outputs])
         if doubt := self.doubt(outputs):
@@ -364,7 +304,7 @@ class OnnxDetector(ABC):
                 "was it exported without the sigmoid?"
             )
 
-    def _hint(self, shapes: Sequence[tuple[int, ...]]) -> str:
+    def _other_kind(self, shapes: Sequence[tuple[int, ...]]) -> str:
         """Which other detector has outputs of such shapes."""
         for kind in self._kinds:
             if kind.__abstractmethods__:
@@ -442,7 +382,7 @@ def best_boxes(
     unused: Counter[str] | None = None,
 ) -> list[DetectedBox]:
     """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``NMS_IOU``,
-    the best stays. Vehicles of several names (``CANONICAL``) are of one class.
+    the best stays. Vehicles of several names (``class_of``) are of one class.
 
     A van is often found twice, as a car and as a truck. It is one object, so these classes suppress
     each other, as in the authors' own ONNX demo of YOLOX, where all classes do; a cyclist's person
@@ -474,7 +414,7 @@ def best_boxes(
     classes_of_road = sorted(ROAD_LABELS)
     numbers, extents = [], []
     for label, _, (x1, y1, x2, y2) in candidates:
-        numbers.append(classes_of_road.index(CANONICAL.get(label, label)))
+        numbers.append(classes_of_road.index(class_of(label)))
         extents.append((x1, y1, x2 - x1, y2 - y1))
     order = cv2.dnn.NMSBoxesBatched(
         bboxes=extents,

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.classes import CANONICAL, ROAD_LABELS, class_of
-from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -229,7 +229,7 @@ def traces(
         views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
         ordered = _in_order(views, first_ns, numbered, report)
         by_car[car] = checked(report.path, [view.frame for view in ordered])
-        objects[car] = [_truth_row(view.frame, there) for view in ordered for there in view.there]
+        objects[car] = [truth_row(view.frame, there) for view in ordered for there in view.there]
         _check_ways(car, by_car[car], first_ns, report)
     _check_detections(by_car, report, range_m, detected_in)
     if truth:
@@ -317,7 +317,7 @@ def _in_order(
             if not spaced or stamp_ns - spaced[-1].frame.stamp_ns >= CLOSEST_NS:
                 index = frame.index if numbered else len(spaced)
                 spaced.append(_View(replace(frame, index=index, stamp_ns=stamp_ns), there))
-        report.dropped(
+        report.check_dropped(
             f"frames of {camera}", len(spaced), len(of_camera), "within a millisecond of another"
         )
         ordered += spaced
@@ -340,16 +340,16 @@ def _check_ways(
         for axis, values in zip(("east", "north"), poses.T, strict=False):
             report.span(axis, values.round(POSITION_DECIMALS), "m")
         report.span("width", {frame.width for frame in pictured}, "px")
-        report.usual(
+        report.warn_unusual(
             f"{name}: a frame takes", frames[0].size_bytes / 1e6, "MB", USUAL_MB, "to send"
         )
         report.span("height", {frame.height for frame in pictured}, "px")
-        report.way(name, times_s.tolist(), poses[:, :2])
+        report.check_way(name, times_s.tolist(), poses[:, :2])
         course = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
         off_rad[name], courses[name] = askew_rad(*course), course
     ahead = min(off_rad, key=lambda name: off_rad[name])  # of several cameras some look aside
     heading_rad, steps_m, passed_s = courses[ahead]
-    report.heading(
+    report.check_heading(
         f"{ahead}: the heading",
         np.degrees(heading_rad),
         steps_m=steps_m,
@@ -379,14 +379,8 @@ def _check_detections(
             outside += sector.distance_m(east_m, north_m) is None
     count = labels.total()
     report.read("detections", count)
-    report.check_labels(count, detected_in)
-    others = Counter({label: count for label, count in labels.items() if label not in ROAD_LABELS})
-    if others:
-        some = ", ".join(short_repr(label) for label, _ in others.most_common(3))
-        report.warn(
-            f"{others.total():,} of {count:,} detections have labels that are no classes, such as "
-            f"{some}; classes: {', '.join(sorted(ROAD_LABELS))}"
-        )
+    others = Counter({label: many for label, many in labels.items() if label not in ROAD_LABELS})
+    report.check_labels(count - others.total(), others, detected_in)
     if distances_m and min(distances_m) > range_m + BEYOND_M:
         report.refuse(
             f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "
@@ -415,7 +409,7 @@ def _check_detections(
         report.warn(f"{count - len(distances_m):,} of {count:,} detections have no place")
 
 
-def _truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
+def truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
     """An object in view of a frame, with the class and the decimals that a truth table keeps."""
     east_m, north_m, up_m = _rounded(there[-3:], POSITION_DECIMALS)
     return TruthRow(
@@ -453,6 +447,8 @@ def _check_truth(
                 raise UserError(f"{where}: {row.location} is at no place on Earth [m]")
             pose = frames[row.camera, row.frame].pose
             away_m.append(math.dist(row.location[:2], pose[:2]))
+    if not any(row.visible for of_car in rows.values() for row in of_car):
+        report.warn("no object of the truth is ever visible")
     if min(away_m, default=math.inf) > range_m + BEYOND_M:
         report.refuse(
             f"no object is ever within {range_m + BEYOND_M:g} m of a car: are the places on "

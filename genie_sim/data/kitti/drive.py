@@ -129,8 +129,7 @@ class KittiDrive:
 
     def camera_SE3_velo(self, camera: str) -> Array:
         """From the laser's frame to that of a rectified camera."""
-        transform: Array = getattr(self.calibration, f"T_cam{int(camera)}_velo")
-        return transform
+        return _camera_SE3_velo(self.calibration, camera)
 
     def world_SE3_velo(self, index: int) -> Array:
         """From the laser's frame to the world, at a frame that has a position."""
@@ -337,8 +336,7 @@ def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic |
         raise UserError(f"{poses}: a number is not finite, or too large")
     sizes: dict[str, tuple[int, int] | None] = {}
     for camera in cameras:
-        focal_px = float(getattr(calibration, f"K_cam{int(camera)}")[0, 0])
-        sizes[camera] = picture_size(focal_px)
+        sizes[camera] = picture_size(float(_intrinsics(calibration, camera)[0, 0]))
     return _Layout(
         origin=origin or SOMEWHERE,
         calibration=calibration,
@@ -354,6 +352,18 @@ def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic |
     )
 
 
+def _intrinsics(calibration: Any, camera: str) -> Array:
+    """The matrix (3, 3) of a rectified camera."""
+    intrinsics: Array = getattr(calibration, f"K_cam{int(camera)}")
+    return intrinsics
+
+
+def _camera_SE3_velo(calibration: Any, camera: str) -> Array:
+    """From the laser's frame to that of a rectified camera."""
+    camera_SE3_velo: Array = getattr(calibration, f"T_cam{int(camera)}_velo")
+    return camera_SE3_velo
+
+
 def _check_regular(paths: Iterable[Path]) -> None:
     """Raises UserError for a file that is missing, or that a reader may wait for."""
     for path in paths:
@@ -364,13 +374,14 @@ def _check_regular(paths: Iterable[Path]) -> None:
 def _check_calibration(folder: Path, calibration: Any) -> None:
     """Raises UserError for a matrix that cannot be inverted, or whose numbers are none."""
     for camera in CAMERAS:
-        for name in (f"K_cam{int(camera)}", f"T_cam{int(camera)}_velo"):
-            matrix = getattr(calibration, name)
+        intrinsics = _intrinsics(calibration, camera)
+        matrices = {"K": intrinsics, "T_velo": _camera_SE3_velo(calibration, camera)}
+        for name, matrix in matrices.items():
             if not are_plausible(matrix) or abs(np.linalg.det(matrix)) < 1e-9:
                 raise UserError(
                     f"{folder}: calibration: {name} of camera {camera} cannot be inverted"
                 )
-        if getattr(calibration, f"K_cam{int(camera)}")[0, 0] <= 0:
+        if intrinsics[0, 0] <= 0:
             raise UserError(f"{folder}: calibration: camera {camera} has no focal length")
 
 
@@ -429,8 +440,8 @@ def _frames(layout: _Layout, camera: str, pictures: Mapping[int, Path]) -> tuple
         raise UserError(
             f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(pictures)}"
         )
-    camera_SE3_velo = getattr(layout.calibration, f"T_cam{int(camera)}_velo")
-    imu_SE3_camera = inverse(camera_SE3_velo @ layout.velo_SE3_imu)
+    camera_SE3_imu = _camera_SE3_velo(layout.calibration, camera) @ layout.velo_SE3_imu
+    imu_SE3_camera = inverse(camera_SE3_imu)
     frames: list[CameraFrame] = []
     for index, image_path in pictures.items():
         if index not in layout.poses:
@@ -447,7 +458,7 @@ def _frames(layout: _Layout, camera: str, pictures: Mapping[int, Path]) -> tuple
                 stamp_ns=stamps_ns[index],
                 image_path=image_path,
                 world_SE3_camera=layout.poses[index] @ imu_SE3_camera,
-                intrinsics=getattr(layout.calibration, f"K_cam{int(camera)}"),
+                intrinsics=_intrinsics(layout.calibration, camera),
                 size=layout.sizes[camera],
             )
         )

@@ -49,7 +49,7 @@ class DetectedObjects(NamedTuple):
         return [detection(label, score, (x, y, z)) for label, (score, x, y, z) in columns]
 
 
-class _LookColumns(NamedTuple):
+class _Looks(NamedTuple):
     """On what the random numbers depend of each look, an object that is in view from a pose (n,):
     the group of its laws, its range in whole metres, the step of its view (``VIEW_STEP_M``; it
     picks the smooth numbers), and the key of the look.
@@ -81,7 +81,7 @@ class SyntheticDetector:
         found = np.flatnonzero(score)
         pose, row = visible.pose[found], visible.row[found]
         range_m = visible.range_m[found]
-        looks = _LookColumns._make(column[found] for column in looks)
+        looks = _Looks._make(column[found] for column in looks)
         # Errors as shares of the range, so that the line of sight need not be of length 1.
         along, across = (
             looks._replace(step=looks.step + apart) for apart in (noise.ALONG, noise.ACROSS)
@@ -113,21 +113,21 @@ class SyntheticDetector:
                 ahead_m, left_m = range_m * math.cos(angle_rad), range_m * math.sin(angle_rad)
                 east_m = pose.east_m + ahead_m * cos - left_m * sin
                 north_m = pose.north_m + ahead_m * sin + left_m * cos
-                place_m = round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS)
-                detections.append(
-                    detection(
-                        law.label, round(score, SCORE_DECIMALS), (*place_m, MIDDLES_M[law.label])
-                    )
+                location = (
+                    round(east_m, POSITION_DECIMALS),
+                    round(north_m, POSITION_DECIMALS),
+                    MIDDLES_M[law.label],
                 )
+                detections.append(detection(law.label, round(score, SCORE_DECIMALS), location))
             draw -= law.per_frame
         return detections
 
-    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _LookColumns:
+    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _Looks:
         objects, pose, row = self._objects, visible.pose, visible.row
         if self._on_grid:
-            gone_m, quarter = _gone(poses)
+            gone_m, apart = _gone(poses)
             step = ((visible.range_m - gone_m[pose]) / VIEW_STEP_M).astype(np.int64)
-            step += objects.offset[row] + quarter[pose]
+            step += objects.offset[row] + apart[pose]
         else:
             # How far the camera has gone past the object: on a straight street the same but for a
             # number that stays with each object, and in a bend without a jump.
@@ -137,11 +137,9 @@ class SyntheticDetector:
             step += objects.offset[row]
         key = keys.look_keys(objects.key[row], poses.key[pose])
         rounded_m = (visible.range_m + 0.5).astype(np.int64)
-        return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, key=key)
+        return _Looks(group=objects.group[row], range_m=rounded_m, step=step, key=key)
 
-    def _drawn(
-        self, copula: Copula, lasting_z: Array, looks: _LookColumns, draw: keys.BitField
-    ) -> Array:
+    def _drawn(self, copula: Copula, lasting_z: Array, looks: _Looks, draw: keys.BitField) -> Array:
         """The values of a copula's table for the sum of what stays with each object, of its view
         and of its look.
         """
@@ -153,7 +151,7 @@ class SyntheticDetector:
         values: Array = copula.table[group, looks.range_m, column]
         return values
 
-    def _labels(self, row: Ints, looks: _LookColumns) -> Any:
+    def _labels(self, row: Ints, looks: _Looks) -> Any:
         """What the detector calls some objects."""
         labels = self._objects.label[row]
         is_prone = keys.OBJECT_PRONE.of(self._objects.key[row]) < self._laws.prone[looks.group]
@@ -166,14 +164,14 @@ class SyntheticDetector:
 
 
 def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
-    """How far [m] a camera has gone along its street, and where the gradual numbers of its
-    direction begin.
+    """How far [m] the camera of each pose has gone along its street, and how many rows the smooth
+    numbers of its direction are apart from those of the east.
 
     The view changes as the camera goes on and the range shrinks; turning into another street is
     another view.
     """
-    x, y, c, s = poses[:4]
-    on_east = np.abs(c) > np.abs(s)
-    gone_m = np.where(on_east, np.where(c > 0, x, -x), np.where(s > 0, y, -y))
-    quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * noise.DIRECTION
-    return gone_m, quarter
+    is_along_east = np.abs(poses.cos) > np.abs(poses.sin)
+    is_backwards = np.where(is_along_east, poses.cos, poses.sin) <= 0.0  # to the west or the south
+    place_m = np.where(is_along_east, poses.east_m, poses.north_m)
+    direction = np.where(is_along_east, 0, 2) + is_backwards
+    return np.where(is_backwards, -place_m, place_m), direction * noise.DIRECTION

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
@@ -76,6 +78,15 @@ def in_view(
     chosen = np.flatnonzero(visible)
     chosen = chosen[np.lexsort((candidates.row[chosen], pose[chosen]))]
     return VisibleObjects._make(column[chosen] for column in (*candidates, range_m))
+
+
+def near_pairs(tree: cKDTree, places_m: Array, radius_m: float) -> tuple[Ints, Ints]:
+    """All pairs of a place (n, 2) and a point of a tree that is within a distance [m] of it: the
+    numbers of the places, in order, and of the points.
+    """
+    near = tree.query_ball_point(places_m, radius_m)
+    place = np.repeat(np.arange(len(near)), [len(points) for points in near])
+    return place, np.fromiter(itertools.chain.from_iterable(near), dtype=np.int64)
 
 
 def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array, Array]:

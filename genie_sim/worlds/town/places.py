@@ -25,6 +25,7 @@ from genie_sim.worlds.scene.view import (
     VisibleObjects,
     between,
     in_view,
+    near_pairs,
 )
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Street
@@ -52,22 +53,22 @@ class _SameVelocity:
     """
 
     def __init__(self, rows: Ints, tracks: _Tracks, has_class: Flags) -> None:
-        self.row, self.has_class = rows, has_class
+        self._row, self.has_class = rows, has_class
         self.speed_mps = tracks.speed_mps.item(rows[0])
         self.northbound = tracks.northbound.item(rows[0])
         self._length_m = tracks.length_m.item(rows[0])
         box = [self._length_m, 0.0] if self.speed_mps else None
-        self.tree = cKDTree(np.column_stack(tracks[:2])[rows], boxsize=box)
+        self._tree = cKDTree(np.column_stack(tracks[:2])[rows], boxsize=box)
 
-    def near(self, moved_m: Array, radius_m: Array | float) -> list[list[int]]:
-        """The numbers of what is within a distance of each of some places (n, 2), which
-        are in the frame that moves with the same.
+    def near(self, moved_m: Array, radius_m: float) -> tuple[Ints, Ints]:
+        """All pairs of a place (n, 2), in the frame that moves with these objects, and one of them
+        within a distance [m]: the numbers of the places, in order, and the rows.
         """
         if self.speed_mps:
             moved_m[:, 0] %= self._length_m
             moved_m[moved_m[:, 0] == self._length_m, 0] = 0.0
-        near: list[list[int]] = self.tree.query_ball_point(moved_m, radius_m + ROUNDING_M).tolist()
-        return near
+        place, number = near_pairs(self._tree, moved_m, radius_m + ROUNDING_M)
+        return place, self._row[number]
 
 
 class Places:
@@ -134,7 +135,6 @@ class Places:
         return number_offset, east_m, north_m
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
-        """What is in view from some poses; fastest if they are near each other."""
         ahead_m = self._view_m / (2 * HALF_C)  # in a circle is all that is in view, and the camera
         moved_m = self._moved(
             poses.east_m + ahead_m * poses.cos, poses.north_m + ahead_m * poses.sin, poses.t_s
@@ -143,7 +143,7 @@ class Places:
         middle_m, radius_m = (low_m + high_m) / 2, ahead_m + np.hypot(*(high_m - low_m).T) / 2
         row = np.concatenate(
             [
-                same.row[same.near(middle_m[number, None], radius_m[number])[0]]
+                same.near(middle_m[number, None], radius_m.item(number))[1]
                 for number, same in enumerate(self._velocities)
             ]
         )
@@ -193,19 +193,16 @@ class Places:
         *,
         t_s: Array,
         tolerance_m: float,
-    ) -> Array:
-        """Whether anything of the class of each label is within a distance of each place then,
-        whether it can be seen or not.
-        """
+    ) -> Flags:
         codes = (self._codes.get(class_of(label), self._nothing) for label in labels)
         class_ = np.fromiter(codes, dtype=int, count=len(labels))
         queries, rows = [], []  # of each object near one of the places
         for same, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):
             asked = np.flatnonzero(same.has_class[class_])
             if len(asked):
-                near = same.near(moved_m[asked], tolerance_m)
-                queries.append(np.repeat(asked, [len(numbers) for numbers in near]))
-                rows.append(same.row[list(itertools.chain.from_iterable(near))])
+                number, row = same.near(moved_m[asked], tolerance_m)
+                queries.append(asked[number])
+                rows.append(row)
         result = np.zeros(len(labels), dtype=bool)
         if rows:
             query, row = np.concatenate(queries), np.concatenate(rows)

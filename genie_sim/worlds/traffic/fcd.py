@@ -245,13 +245,14 @@ def read_fcd(
         angle_deg=values[:, 2].copy(),
         report=report,
     )
-    report.dropped(
+    report.check_dropped(
         "rows",
         len(rows.step),
         len(rows.step) + sum(step.invalid for step in steps),
         f"a place of {INVALID:.0f}, SUMO's mark of none",
     )
-    _tell(rows, begin_s, duration_s, speeds_mps=values[:, 3])
+    _tell(rows, begin_s, duration_s)
+    _compare_ways(rows, speeds_mps=values[:, 3])
     return rows
 
 
@@ -301,8 +302,8 @@ def _wanted(
     return wanted
 
 
-def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Array) -> None:
-    """What was read, for the report. Raises UserError where places cannot be in metres."""
+def _tell(rows: VehicleRows, begin_s: float, duration_s: float) -> None:
+    """What was read, for the report."""
     report, persons = rows.report, sum(rows.is_person)
     report.read("vehicles", len(rows.ids) - persons)
     if persons:
@@ -316,7 +317,14 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
         )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
-    report.times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
+    report.check_times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
+
+
+def _compare_ways(rows: VehicleRows, speeds_mps: Array) -> None:
+    """Holds angles and speeds against the ways from one step to the next, for the report. Raises
+    UserError where they do not fit.
+    """
+    report = rows.report
     order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
     same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
@@ -332,7 +340,7 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
     steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
     drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
     angle_deg = rows.angle_deg[order][1:][pairs][drives]
-    report.heading(
+    report.check_heading(
         "vehicles: angle",
         angle_deg,
         steps_m=steps_m[drives],
@@ -352,4 +360,4 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
             report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
         elif not 1 / SAME_SPEED < times < SAME_SPEED:
             report.warn(text)
-    report.speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))
+    report.check_speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from genie_sim.base import files
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.marks import POSITIVE, Bounds, OneOf
+from genie_sim.base.marks import POSITIVE, Bounds
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
@@ -58,10 +58,7 @@ class RecordedTraffic(FrameSource):
     view_m: Annotated[float, Bounds(above=0, maximum=MAX_VIEW_M)] = 60.0
     """How far a camera's detector looks."""
 
-    equipped: Annotated[
-        Annotated[float, Bounds(above=0, maximum=1)] | tuple[str, ...],
-        OneOf("a share from 0 to 1 or a list of ids"),
-    ] = 1.0
+    equipped: Annotated[float, Bounds(above=0, maximum=1)] | tuple[str, ...] = 1.0
     """Which vehicles have cameras and a computer: a share of them, or those with these ids. A
     vehicle that a small share equips is equipped by every larger one."""
 

@@ -1,7 +1,6 @@
 """Vehicles of recorded traffic: what they are, and where they are at any time."""
 
 import functools
-import itertools
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from genie_sim.base.geometry import Array
 from genie_sim.base.grid import Area, widened
 from genie_sim.base.spans import Ints
 from genie_sim.worlds.scene.frames import Motions
+from genie_sim.worlds.scene.view import near_pairs
 from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
 from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, says_what_it_is, type_named
 
@@ -83,11 +83,8 @@ class Vehicles:
         jumps = same_vehicle & (way_m > JUMP_MPS * passed_s)
         goes_on = same_vehicle & ~jumps & (np.diff(self._step) == 1)
         self.jumps = np.bincount(self.vehicle[1:][jumps], minlength=len(self.ids))
-        row, has_next, has_previous = (
-            np.arange(len(self.vehicle)),
-            np.append(goes_on, False),
-            np.append(False, goes_on),
-        )
+        row = np.arange(len(self.vehicle))
+        has_next, has_previous = np.append(goes_on, False), np.append(False, goes_on)
         # Of each row the two between which its vehicle is from then on: it and the next, at the
         # very end of a stretch the one before and it, and of a stretch of one row that one.
         self._from: Ints = row - (~has_next & has_previous)
@@ -153,9 +150,9 @@ class Vehicles:
         for number in np.unique(step[step >= 0]).tolist():
             asked = np.flatnonzero(step == number)
             of_step, tree = self._at_step(number)
-            near = tree.query_ball_point(places_m[asked], radius_m + self._longest_m)
-            queries.append(np.repeat(asked, [len(items) for items in near]))
-            rows.append(of_step[list(itertools.chain.from_iterable(near))])
+            place, point = near_pairs(tree, places_m[asked], radius_m + self._longest_m)
+            queries.append(asked[place])
+            rows.append(of_step[point])
         query, row = np.concatenate(queries), np.concatenate(rows)
         is_there = t_s[query] <= self._until_s[row]
         query, row = query[is_there], row[is_there]
@@ -168,10 +165,9 @@ class Vehicles:
 
     def _tree_of_step(self, step: int) -> tuple[Ints, cKDTree]:
         """The rows of a step, and the tree of their places."""
-        of_step = slice(
-            *np.searchsorted(self._step, (step, step + 1), sorter=self._in_order_of_steps)
-        )
-        rows = self._in_order_of_steps[of_step]
+        order = self._in_order_of_steps
+        first, end = np.searchsorted(self._step, (step, step + 1), sorter=order)
+        rows = order[first:end]
         return rows, cKDTree(np.column_stack([self._east_m[rows], self._north_m[rows]]))
 
     def longest(self, vehicle: int, end_s: float) -> "Stretch":

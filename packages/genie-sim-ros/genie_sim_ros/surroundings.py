@@ -195,7 +195,7 @@ def read_surroundings(
     around.fixes_ns = sorted(entry[0] for entry in around.fixes)
     around.lost_ns = sorted(lost_ns.get(fix, []))
     around.turns = turns.get(_chosen("imu", imu, turns, report), [])
-    report.gaps("fixes", [stamp_ns / NS_PER_S for stamp_ns in around.fixes_ns])
+    report.check_gaps("fixes", [stamp_ns / NS_PER_S for stamp_ns in around.fixes_ns])
     return around
 
 

@@ -31,7 +31,7 @@ from genie_sim.worlds.scene.laws import (
 from genie_sim.worlds.scene.noise import VIEWS, normals, smooth_normals
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
 from genie_sim.worlds.town import Town, TownRules
-from tests.worlds.town.town_truth import near, truth_near
+from tests.worlds.town.town_truth import truth_near
 from tools.make.town_fit import fit, validation
 
 VEHICLES, PERSONS = ("car", "truck", "bus"), ("person",)
@@ -251,6 +251,7 @@ def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frame
         assert validation.distance(real, from_town) < margin
 
 
+@pytest.mark.slow
 def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town_frames):
     """Of all detections of vehicles: Kolmogorov-Smirnov distance of ranges up to 0.12, of scores up
     to 0.2.
@@ -277,18 +278,17 @@ def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town
 
 
 def test_ghosts_come_back_at_their_places(laws):
-    """A place where the real detector was wrong again and again is one in the town; it is no true
-    object.
+    """A place where the real detector was wrong again and again is one in the town, where nothing
+    really is.
     """
     town = Town(TownRules(blocks=(3, 3)), 1)
-    everything = list(near(town, 225.0, 225.0, 500.0, 0.0))
-    real = {item.number for item in truth_near(town, 225.0, 225.0, 500.0, 0)}
-    ghosts = [item for item, is_real in everything if not is_real]
-    assert real.isdisjoint(item.number for item in ghosts)
-    streets_m = 2 * 4 * 450
-    expected = sum(laws.ghosts_per_100m.values()) * streets_m / 100
+    ghosts = [item for street in town.streets for item in street.objects if not item.real]
+    expected = sum(laws.ghosts_per_100m.values()) * 2 * 4 * 450 / 100  # of so many metres of street
     assert len(ghosts) == pytest.approx(expected, abs=4 * math.sqrt(expected))
-    assert not any(item.moving for item in ghosts)
+    assert not any(item.speed_mps for item in ghosts)
+    assert (town.objects.group[~town.objects.real] == laws.group_of("car", real=False)).all()
+    real = {item.number for item in truth_near(town, 225.0, 225.0, 500.0, 0)}
+    assert real.isdisjoint(item.number for item in ghosts)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,57 @@
+"""What one label of KITTI's is, and whether it counts, by KITTI's own codes.
+
+An object counts when its box is at least ``MIN_HEIGHT_PX`` high, lies mostly in the picture
+(truncation 0 or 1) and how hidden it is was judged (occlusion 0 to 2). The others are ignored,
+found or not, and so are trams, ``Misc`` and the areas that KITTI calls ``DontCare``; tracklets have
+no such areas.
+"""
+
+from typing import NamedTuple
+
+from genie_sim.base.geometry import Array
+from genie_sim.core.messages import Box, Location
+from genie_sim.data.trace import MIN_HEIGHT_PX
+
+# KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
+GROUP_OF = {
+    "Car": "vehicles",
+    "Van": "vehicles",
+    "Truck": "vehicles",
+    "Pedestrian": "persons",
+    "Person": "persons",
+    "Person_sitting": "persons",
+    "Person (sitting)": "persons",
+    "Cyclist": "persons",
+}
+IGNORED = {"Tram": "vehicles", "Misc": "vehicles", "DontCare": "anything"}  # by KITTI's type
+
+
+Picture = tuple[str, int]  # camera and frame number
+
+
+class ObjectLabel(NamedTuple):
+    """One label in one picture. ``counts``: in KITTI's benchmark. ``centre`` is in the trace's
+    world, ``None`` for an area that is no object.
+    """
+
+    track: int
+    group: str
+    box: Box
+    counts: bool
+    centre: Location | None
+
+
+def object_label(
+    track: int, kind: str, box: Box, *, truncation: int, occlusion: int, centre: Array
+) -> ObjectLabel | None:
+    """What a label counts for in KITTI's benchmark, by KITTI's type and codes; ``None`` for a type
+    that is no object here.
+    """
+    if kind in IGNORED:
+        return ObjectLabel(track, IGNORED[kind], box, counts=False, centre=None)
+    if kind not in GROUP_OF:
+        return None
+    high_enough = box[3] - box[1] >= MIN_HEIGHT_PX
+    counts = high_enough and truncation in (0, 1) and occlusion in (0, 1, 2)
+    east_m, north_m, up_m = centre.tolist()
+    return ObjectLabel(track, GROUP_OF[kind], box, counts, (east_m, north_m, up_m))

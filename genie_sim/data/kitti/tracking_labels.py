@@ -1,0 +1,81 @@
+"""The labels of KITTI's tracking benchmark (``label_02``), in the pictures of a trace."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.geometry import transform
+from genie_sim.core.messages import Location
+from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
+from genie_sim.data.kitti.object_label import ObjectLabel, Picture, object_label
+from genie_sim.data.kitti.tracking_sequence import (
+    CAMERA,
+    TRACKING,
+    TrackingSequence,
+    open_sequence,
+)
+from genie_sim.data.trace import Trace
+
+# A trace's camera this near to a sequence's, at the same frame, has recorded the same drive.
+SAME_PLACE_M = 1.0
+
+
+def labels_of_sequence(
+    root: Path, name: str, path: Path, trace: Trace
+) -> Iterator[tuple[Picture, ObjectLabel | None]]:
+    """The labels in a file for the pictures of a trace of the same drive. Raises UserError where it
+    is another.
+    """
+    training, sequence = root / "tracking" / "training", name.removeprefix(TRACKING)
+    drive = open_sequence(training, sequence, trace.origin)
+    frames = trace.frames.get(CAMERA)
+    if frames is None:
+        cameras = ", ".join(trace.frames)
+        raise UserError(f"{training}: labels are those of camera {CAMERA}, the trace has {cameras}")
+    for frame in frames:
+        if not _is_at(drive, frame.index, frame.pose[:3]):
+            raise UserError(
+                f"{training}: sequence {sequence} is not the drive of this trace "
+                f"(frame {frame.index})"
+            )
+    indices = {frame.index for frame in frames}
+    return (
+        ((CAMERA, frame), label)
+        for frame, label in tracking_labels(path, drive)
+        if frame in indices
+    )
+
+
+def _is_at(drive: TrackingSequence, frame: int, place: Location) -> bool:
+    """Whether the camera of a sequence is at a place when a frame is taken."""
+    if frame >= len(drive.world_SE3_camera0):
+        return False
+    return math.dist(place, drive.world_SE3_camera2(frame)[:3, 3].tolist()) <= SAME_PLACE_M
+
+
+def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel | None]]:
+    """The frame and the label of every line of the ``label_02`` file of a sequence. Raises
+    UserError.
+    """
+    labels = []
+    for number, fields in numbered_lines(path):
+        where = f"{path}: line {number}"
+        with as_user_error(f"{where}: not a tracking label", IndexError, ValueError, OverflowError):
+            frame, track = int(fields[0]), int(fields[1])
+            truncation, occlusion = int(float(fields[3])), int(fields[4])
+            x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
+        if not are_plausible([x1, y1, x2, y2, height_m, x, y, z]):
+            raise UserError(f"{where}: not a tracking label: a number is not finite, or too large")
+        if not 0 <= frame < len(drive.world_SE3_camera0):
+            raise UserError(f"{where}: frame {frame} has no line in oxts")
+        label = object_label(
+            track,
+            fields[2],
+            (x1, y1, x2, y2),
+            truncation=truncation,
+            occlusion=occlusion,
+            centre=transform(drive.world_SE3_camera0[frame], (x, y - height_m / 2, z)),
+        )
+        labels.append((frame, label))
+    return labels
