@@ -23,7 +23,7 @@ from genie_sim.paper import claims, curves, numbers, page, printed, runs, source
 from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import BASE, Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.results import Run
 from genie_sim.report import template
 from genie_sim.report.result import Result, cells_of
@@ -204,8 +204,8 @@ def reproduce(
     if seeds is not None:
         seed_numbers = tuple(range(1, seeds + 1))
     if out is not None:
-        provenance.check_writable(out.parent)
-        provenance.check_replaceable(out)
+        folders.check_writable(out.parent)
+        folders.check_replaceable(out)
         check_kept(out, seed_numbers)
     edited = sources.edited_set_ups()
     for line in edited:
@@ -225,7 +225,7 @@ def reproduce(
     }
     evaluation = Reproduction(judge(Evidence(measured)), measured, curve_points, about)
     if out is not None:
-        with provenance.result_folder(out, SHOWN) as folder:
+        with folders.result_folder(out, SHOWN) as folder:
             write(folder, evaluation)
         show(out, evaluation)
     return replace(evaluation, folder=out)
@@ -268,11 +268,11 @@ def show(folder: Path, evaluation: Reproduction) -> None:
     from genie_sim.analysis.figures import save_all
 
     drawn_figures = None
-    with provenance.derived(folder) as attempt:
+    with folders.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(evaluation.numbers))
             document = printed.document(evaluation.rows, accuracy, evaluation.about["edited"])
-            provenance.write_summary(folder / printed.DOCUMENT, document)
+            folders.write_summary(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             drawn_figures = evaluation.figures()
             save_all(drawn_figures, provenance.contained(folder, "figures"), ["svg"])

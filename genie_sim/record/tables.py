@@ -353,7 +353,7 @@ class Table:
         afterwards to a table that spilled.
 
         Raises UserError where the file cannot be written. Use it within ``paths.atomic_write`` or
-        ``provenance.result_folder``, so that no half table is left.
+        ``folders.result_folder``, so that no half table is left.
         """
         self._store()
         if self._writer is not None and self._spill is not None:

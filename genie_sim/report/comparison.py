@@ -11,7 +11,7 @@ from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.paths import usable
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Columns, concat
 from genie_sim.report import html_page, template
 from genie_sim.report.template import Page, Section
@@ -146,7 +146,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     for name, suffix in renderers.FORMATS.items():
         renderers.write(folder / f"table{suffix}", compare_tables.text(comparison, name), name)
     drawn: dict[str, Figure] = {}
-    with provenance.derived(folder) as attempt:
+    with folders.derived(folder) as attempt:
         with attempt("figures"):
             drawn = figures(comparison)
             save_all(drawn, provenance.contained(folder, "figures"), ("svg", "png"))

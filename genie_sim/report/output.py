@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import RUN_FIGURES
-from genie_sim.record.provenance import Attempt, contained, derived, write_summary
+from genie_sim.record.folders import Attempt, derived, write_summary
+from genie_sim.record.provenance import contained
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run

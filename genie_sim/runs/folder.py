@@ -14,7 +14,7 @@ from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import read_text, sha256_of
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import read
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Text
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
@@ -51,11 +51,11 @@ def run_to_folder(
     Raises ``UserError`` before it simulates.
     """
     label = checked_label(label)
-    provenance.check_writable(out)
+    folders.check_writable(out)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    with provenance.result_folder(folder, SHOWN) as unfinished:
+    with folders.result_folder(folder, SHOWN) as unfinished:
         run = simulate_into(unfinished, prepared, run_id, progress=progress, label=label)
     output.write(run, folder)
     return replace(run, folder=folder)

@@ -16,7 +16,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.scenario.scenario import Scenario
@@ -121,7 +121,7 @@ class Study:
             self._parts.parts.mkdir(parents=True, exist_ok=True)
         self._write_about()
         for path in replaced:  # of fewer points or seeds
-            provenance.keep_edited(path)
+            folders.keep_edited(path)
             path.unlink(missing_ok=True)
         self._parts.run(runs, workers, progress, incomplete)
 
@@ -144,7 +144,7 @@ class Study:
     def _show_seeds(self, output: Output) -> None:
         """Writes what ``output`` says of runs of several seeds, and pages that single ones lack."""
         runs = load_seeds(self.folder)
-        with provenance.derived(self.folder) as attempt:
+        with folders.derived(self.folder) as attempt:
             for run in runs.runs if output.page else ():
                 if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
@@ -189,7 +189,7 @@ class Study:
         from genie_sim.analysis.figures import save_all
         from genie_sim.study.sweep import Sweep
 
-        with provenance.derived(self.folder) as attempt, attempt("figures"):
+        with folders.derived(self.folder) as attempt, attempt("figures"):
             folder = provenance.contained(self.folder, "figures")
             save_all(Sweep.read(self.folder).figures(), folder, ("svg", "png"))
 
@@ -236,7 +236,7 @@ class Study:
 
 def check_folder(folder: Path) -> None:
     """Raises ``UserError`` unless the folder is new, empty or a sweep's, and can be written."""
-    provenance.check_writable(folder)
+    folders.check_writable(folder)
     problem = ""
     try:
         if folder.is_dir() and any(folder.iterdir()):

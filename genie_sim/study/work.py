@@ -32,7 +32,7 @@ from genie_sim.base.paths import (
 from genie_sim.base.plugins import is_own_code_allowed, own_code_allowed, own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
-from genie_sim.record import provenance
+from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import FILES, METRIC_FIELDS, MetricValue
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
@@ -74,10 +74,10 @@ class PointRun:
         if not self.keep:
             return measured(prepared)
         folder = self.results(study)
-        with provenance.result_folder(folder, SHOWN) as partial:
+        with folders.result_folder(folder, SHOWN) as partial:
             run = run_folder.simulate_into(partial, prepared, self.run_id)
         # a page that cannot be made is looked for once more when all runs are there
-        with contextlib.suppress(provenance.NotDerivedError):
+        with contextlib.suppress(folders.NotDerivedError):
             self.output.write(run, folder)
         return _metrics_of(prepared, run.tables)
 
@@ -262,7 +262,7 @@ class Parts:
                     tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
         except KeyboardInterrupt:
             with uninterrupted():  # its workers were killed in the middle of something
-                provenance.clear_away(provenance.contained(self.folder, RUNS))
+                folders.clear_away(provenance.contained(self.folder, RUNS))
                 self._clear_parts()
             raise KeyboardInterrupt(f"finished runs are kept in {self.folder}") from None
         if failed:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, locked, read_text, remembered
-from genie_sim.record.provenance import result_folder
+from genie_sim.record.folders import result_folder
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 

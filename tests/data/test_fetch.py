@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import io
 import random
 import stat
 import sys
@@ -207,26 +206,9 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         fetch.fetch_drive("2011_09_26_drive_0099", tmp_path, quiet, drive.base)
 
 
-def encrypted() -> bytes:
-    whole = bytearray(archive([("a.txt", "x")]))
-    whole[whole.index(b"PK\x01\x02") + 8] |= 1  # the flag in the archive's directory
-    return bytes(whole)
-
-
-def packed_by(method: int) -> bytes:
-    """A thousand bytes of it fill gigabytes of memory, whatever size the archive gives."""
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", method) as archive_file:
-        archive_file.writestr("a.txt", "x")
-    return packed.getvalue()
-
-
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        (encrypted(), "'a.txt' is encrypted"),
-        (packed_by(zipfile.ZIP_BZIP2), "'a.txt' is neither stored nor deflated"),
-        (packed_by(zipfile.ZIP_LZMA), "'a.txt' is neither stored nor deflated"),
         ([("../evil.txt", "x")], "leads out of the folder"),
         ([("ok.txt", "x"), ("a/../../evil.txt", "x")], "leads out of the folder"),
         ([("/etc/evil.txt", "x")], "leads out of the folder"),
@@ -234,8 +216,7 @@ def packed_by(method: int) -> bytes:
         ([("C:/evil.txt", "x")], "leads out of the folder"),
         ([("link/evil.txt", "x")], "by a link that is there already"),
         ([(link("way_out"), "/etc")], "is a link or a device"),
-        ([("twice.txt", "x"), ("Twice.txt", "y")], "is in the archive twice"),
-        ([("ok.txt", "x"), ("f", "x"), ("F/g", "y")], "'f' is a file and a folder"),
+        ([("ok.txt", "x"), ("f", "x"), ("f/g", "y")], "cannot be unpacked"),
         ([("ok.txt", "x"), ("kept", "y")], "'kept' is a file where a folder is"),
         ([("ok.txt", "x"), ("kept/a.txt/b", "y")], "'kept/a.txt/b' is a file where a folder is"),
         ([("bomb.txt", b"\0" * 10**7)], "unpacks to 10,000,000 bytes from"),
@@ -260,15 +241,22 @@ def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, messag
     (folder / "kept").mkdir()
     (folder / "kept" / "a.txt").write_text("mine")
     packed = tmp_path / "x.zip"
-    if not isinstance(entries, bytes):
-        entries = archive(entries).replace(b"Q", b"\0")  # a name ends at its first zero
-    packed.write_bytes(entries)
+    packed.write_bytes(archive(entries).replace(b"Q", b"\0"))  # a name ends at its first zero
     with pytest.raises(UserError, match=message) as error:
         fetch.unpack(packed, folder)
     assert "\n" not in str(error.value)
     assert sorted(path.name for path in folder.rglob("*")) == ["a.txt", "kept", "link"]
     assert not list(outside.iterdir())
     assert not list((tmp_path / "in").glob("evil*"))
+
+
+def test_an_encrypted_archive_writes_nothing(tmp_path):
+    whole = bytearray(archive([("a.txt", "x")]))
+    whole[whole.index(b"PK\x01\x02") + 8] |= 1  # the flag in the archive's directory
+    (tmp_path / "x.zip").write_bytes(whole)
+    with pytest.raises(UserError, match=r"x.zip: not a readable ZIP archive: .*encrypted"):
+        fetch.unpack(tmp_path / "x.zip", tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_an_archive_cut_short_or_changed_is_refused(tmp_path):
@@ -290,6 +278,17 @@ def test_of_an_archive_with_one_broken_entry_nothing_is_left(tmp_path):
     with pytest.raises(UserError, match=r"x.zip: not a readable ZIP archive"):
         fetch.unpack(tmp_path / "x.zip", tmp_path / "out")
     assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_what_unpacks_without_a_bound_is_refused(tmp_path, method):
+    """A thousand bytes of them fill gigabytes of memory, whatever size the archive gives."""
+    packed = tmp_path / "x.zip"
+    with zipfile.ZipFile(packed, "w", method) as archive_file:
+        archive_file.writestr("a.txt", "x")
+    with pytest.raises(UserError, match=r"x.zip: 'a.txt' is neither stored nor deflated"):
+        fetch.unpack(packed, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_broken_entry_is_told_in_one_line(tmp_path):

@@ -16,8 +16,9 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import usable
-from genie_sim.record import provenance
-from genie_sim.record.provenance import check_writable, result_folder, run_id
+from genie_sim.record import folders, provenance
+from genie_sim.record.folders import check_writable, result_folder
+from genie_sim.record.provenance import run_id
 
 FACTS = {
     "scenario": {"name": "street_3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
@@ -294,23 +295,23 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from genie_sim.record import provenance
+from genie_sim.record import folders
 
 final, when = Path(sys.argv[1]), sys.argv[2]
-rmtree, rename = provenance.shutil.rmtree, Path.rename
+rename = Path.rename
 
 def die(*_, **__):
     os.kill(os.getpid(), signal.SIGKILL)
 
 def renamed(self, target):
-    if when == "before the rename" and provenance.EARLIER not in str(target):
+    if when == "before the rename" and folders.EARLIER not in str(target):
         die()
     return rename(self, target)
 
 Path.rename = renamed
 if when == "before the earlier goes":
-    provenance.shutil.rmtree = die
-with provenance.result_folder(final) as partial:
+    folders.shutil.rmtree = die
+with folders.result_folder(final) as partial:
     (partial / "frames.parquet").write_text("new")
     (partial / "run.json").write_text("{}")
     print("began", flush=True)
@@ -364,7 +365,7 @@ def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str,
     final = tmp_path / "run"
     write_whole_result(final, "earlier")
     assert killed_process(final, when).wait() == -9
-    assert list(tmp_path.glob(f".run.*{provenance.EARLIER}")), "killed in the midst of it"
+    assert list(tmp_path.glob(f".run.*{folders.EARLIER}")), "killed in the midst of it"
     write_whole_result(tmp_path / "other")
     assert (final / "frames.parquet").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"]
