@@ -33,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks import plain_simpy
 from benchmarks.peers import PEERS, run_peer
 from benchmarks.plain_simpy import Answer, Fleet, Frame
+from genie_sim.analysis.renderers import markdown_rows
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
 from genie_sim.links.wire import Wire
@@ -44,7 +45,7 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host
-from tools.page_tables import filled, markdown
+from tools.page_tables import filled
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PAGE = REPOSITORY / "docs" / "speed.md"
@@ -159,7 +160,7 @@ def waits(rounds: int, also: Sequence[str]) -> Block:
         else:
             rows.append((text, failed.get(text, NOT_MEASURED), "", ""))
     header = ("command", "wall time [s]", "processor time [s]", "most memory of a process [MB]")
-    return markdown(header, rows)
+    return markdown_rows([header, *rows], [True] * 3)
 
 
 def sweep(jobs: int) -> tuple[str, ...]:
@@ -263,7 +264,7 @@ def costs(sizes: Sizes) -> Block:
         for name, scenario in cases.items()
     }
     rows = [(name, f"{us:.0f}") for name, us in in_turn(sizes.rounds, measures).items()]
-    return markdown(("run", "processor time of a frame [µs]"), rows)
+    return markdown_rows([("run", "processor time of a frame [µs]"), *rows], [True])
 
 
 # Like for like
@@ -343,7 +344,7 @@ def like_for_like(sizes: Sizes, peers_python: str) -> Block:
         "frames answered",
         "of plain SimPy's answers",
     )
-    return markdown(header, rows, texts=2)
+    return markdown_rows([header, *rows], [False, True, True, True, True])
 
 
 def compared(cars: int, times: int, rounds: int, peers_python: str) -> list[tuple[str, ...]]:
@@ -399,7 +400,7 @@ def growth(sizes: Sizes) -> Block:
     smallest_us = next(iter(costs_us.values()))
     rows = [(cars, f"{us:.0f}", f"{us / smallest_us:.2f}") for cars, us in costs_us.items()]
     header = ("cars", "processor time of a frame [µs]", f"over that with {sizes.growth[0]} cars")
-    return markdown(header, rows, texts=0)
+    return markdown_rows([header, *rows], [True, True])
 
 
 # The page

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from tools.page_tables import filled, markdown
+from genie_sim.analysis.renderers import markdown_rows
+from tools.page_tables import filled
 
 RESULTS, PAGE = Path("results"), Path("docs/results.md")
 METHODS = {
@@ -76,7 +77,7 @@ def by_metric(
             rows.append(
                 [f"{shown.title}, {METHODS[method]}", *(f"{number:.3g}" for number in numbers)]
             )
-    return markdown(["", *columns], rows)
+    return markdown_rows([["", *columns], *rows], [True] * len(columns))
 
 
 F1 = Shown("streaming F1 [%]", "streaming_f1", 100)
@@ -102,23 +103,13 @@ def shared_uplink() -> str:
 
 
 def two_streets() -> str:
-    """Streaming F1 of each method on each street."""
-    table: Any = points_of("two_streets")
-    table = table[table["metric"] == F1.metric]
-    columns = table[["uplink", "street"]].drop_duplicates().values.tolist()
-    rows = []
-    for method in ("zero_delay", *WITH_TRACKERS[:5], "genie_recommended"):
-        at_once = method == "zero_delay"
-        of_method = table[table["method"] == ("local" if at_once else method)]
-        of_method = of_method[of_method["component"] == ("zero_delay" if at_once else "")]
-        cells = []
-        for uplink, street in columns:
-            (point,) = of_method[
-                (of_method["uplink"] == uplink) & (of_method["street"] == street)
-            ].to_dict("records")
-            cells.append(f"{100 * float(point['value']):.1f}")
-        rows.append([METHODS.get(method, "detector without delay"), *cells])
-    return markdown(["", *(f"{uplink}, {street}" for uplink, street in columns)], rows)
+    streets = ("drive 0005", "drive 0013")
+    columns: dict[str, dict[str, Any]] = {
+        f"{uplink}, {street}": {"uplink": uplink, "street": street}
+        for street in streets
+        for uplink in ("5G, raw", "5G, JPEG", "Ethernet, raw")
+    }
+    return by_metric("two_streets", (F1,), (*WITH_TRACKERS[:5], "genie_recommended"), columns)
 
 
 def failing_edge() -> str:
@@ -147,26 +138,14 @@ def where_it_pays() -> str:
             prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))
             rows.append([row["condition"], best, *numbers, ", ".join(f"{p:.0%}" for p in prices)])
     header = ["condition", "best without a Genie", "its F1", "Genie's F1", "difference", "prices"]
-    return markdown(header, rows, texts=2)
+    return markdown_rows([header, *rows], [False, True, True, True, True])
 
 
 def baselines() -> str:
     points = pd.read_csv(RESULTS / "baselines" / "cold.csv", keep_default_na=False)
     points = points[points["case"] == "as in the scenario"]
-    names = {
-        "local": "`local`",
-        "remote": "`remote`",
-        "genie": "`genie` (as published)",
-        "central": "`central`",
-        "sim_lru-0.05": "`sim_lru-0.05`",
-        "sim_lru-0.1": "`sim_lru-0.1`",
-        "rnd_lru-0.1": "`rnd_lru-0.1`",
-        "potluck-100": "`potluck-100`",
-        "foggycache-0.1-0.9": "`foggycache-0.1-0.9`",
-        "cachier-2ms": "`cachier-2ms`",
-        "deadline-300ms": "`deadline-300ms`",
-        "oracle": "`oracle` (a bound)",
-    }
+    shown = ("local", "remote", "genie", "central", "sim_lru-0.05", "sim_lru-0.1", "rnd_lru-0.1")
+    shown += ("potluck-100", "foggycache-0.1-0.9", "cachier-2ms", "deadline-300ms", "oracle")
     percent = "{:.0%}".format
     columns: dict[str, tuple[str, str, str, Callable[[float], str]]] = {
         "streaming F1, newest answer": ("streaming_f1", "newest", "all", "{:.2f}".format),
@@ -178,14 +157,14 @@ def baselines() -> str:
         "kB up": ("bytes_up_per_frame", "newest", "all", lambda number: f"{number / 1000:.0f}"),
     }
     rows = []
-    for method, title in names.items():
+    for method in shown:
         cells = []
         for metric, consumer, placement, form in columns.values():
             of = {"method": method, "metric": metric, "consumer": consumer, "placement": placement}
             numbers = found(points, **of)
             cells.append(form(numbers[0]) if numbers else "-")
-        rows.append([title, *cells])
-    return markdown(["method", *columns], rows)
+        rows.append([f"`{method}`", *cells])
+    return markdown_rows([["method", *columns], *rows], [True] * len(columns))
 
 
 TABLES: Mapping[str, Callable[[], str]] = {

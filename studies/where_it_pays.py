@@ -1,6 +1,6 @@
 """Where a Genie pays off: the study behind docs/results.md, which has the results.
 
-    GENIE_SIM_KITTI=... python -m studies.where_it_pays traces|choose|development|reported
+    GENIE_SIM_KITTI=... python -m studies.where_it_pays traces|choose|reported
 
 ``traces`` makes the traces of all tracking sequences. Every other step is a sweep: its tables and
 its page are in ``results/studies/where_it_pays/STEP``, and what is there already is not simulated
@@ -203,19 +203,13 @@ def choose_for_towns() -> list[dict[str, Any]]:
     return chosen("choose_for_towns", SHORT_TOWNS, (1, 2, 3), FOR_TOWNS)
 
 
-def development() -> None:
-    """Drive 0005 under many conditions, two of which the settings were chosen on."""
-    runs = simulated("development", DRIVE, choose(), range(1, 6))
-    show("development", runs)
-    keep("development_gains", pd.DataFrame(gains(runs, "")[0]).set_index("condition"))
-
-
 def reported() -> None:
     """Drives and towns on which nothing was chosen. Run it once."""
     found, for_towns = choose(), choose_for_towns()
     drives = simulated("reported_drives", sequences(REPORTED), found, range(1, 6))
     towns = simulated("reported_towns", TOWNS, [*found, *for_towns], TOWN_SEEDS)
-    show("reported", pd.concat([drives, towns]))
+    runs = pd.concat([drives, towns])
+    keep("reported", runs.groupby(["condition", "method"], sort=False).mean())
     rows, of_drive = gains(drives, "")
     for link in ("Ethernet, raw", "5G, 86 kB"):
         of_link = [gain.mean() for name, gain in of_drive.items() if name.endswith(link)]
@@ -226,11 +220,6 @@ def reported() -> None:
         mean = interval(*over_all(of_drive, of_town))
         rows.append({"condition": f"sequences and towns{settings}", **mean})
     keep("reported_gains", pd.DataFrame(rows).set_index("condition"))
-
-
-def show(step: str, runs: pd.DataFrame) -> None:
-    """Keeps the means over the seeds."""
-    keep(step, runs.groupby(["condition", "method"], sort=False).mean())
 
 
 def gains(runs: pd.DataFrame, suffix: str) -> tuple[list[dict[str, Any]], dict[str, pd.Series]]:
@@ -294,7 +283,7 @@ def stratified(strata: Sequence[tuple[float, Sequence[float]]]) -> tuple[float, 
     return mean, t_quantile(math.floor(freedom + 1e-9)) * math.sqrt(total)
 
 
-STEPS = {step.__name__: step for step in (traces, choose, development, reported)}
+STEPS = {step.__name__: step for step in (traces, choose, reported)}
 
 if __name__ == "__main__":
     STEPS[sys.argv[1]]()

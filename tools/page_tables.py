@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
@@ -17,9 +17,3 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
             raise KeyError(f"the page has no {begin} with {end} below it")
         page = f"{before}{begin}\n{part}\n{end}{after}"
     return page
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
-    """A table in Markdown whose first ``texts`` columns are texts and the others numbers."""
-    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
-    return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))

@@ -339,7 +339,9 @@ def names_of(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     if labels and len(labels) != len(runs):
         raise UserError(f"compare: {len(labels)} labels for {len(runs)} settings")
     given = [checked_label(label) for label in labels] or [run.label for run in runs]
-    names = [label or name for label, name in zip(given, _names_by_content(runs), strict=True)]
+    unlabelled = [run for run, label in zip(runs, given, strict=True) if not label]
+    by_content = iter(_names_by_content(unlabelled))
+    names = [label or next(by_content) for label in given]
     if len(set(names)) < len(names):
         raise UserError(f"compare: two settings have the same label: {', '.join(names)}")
     return names
