@@ -198,10 +198,10 @@ def compared(
     with provenance.of_this_version(folder):
         sides: list[Mapping[str, Mapping[int, Run]]] = [{"": by} for by in settings_of(runs)]
         sides += [result.cells for result in results if "" not in result.cells]
-        return _compared(sides, methods, labels, metrics)
+        return _compare_sides(sides, methods, labels, metrics)
 
 
-def _compared(
+def _compare_sides(
     sides: Sequence[Mapping[str, Mapping[int, Run]]],
     methods: Sequence[str],
     labels: Sequence[str],
