@@ -24,7 +24,6 @@ from genie_sim.core.messages import (
     Observation as Observation,
     ImageLookup as ImageLookup,
     Expired as Expired,
-    Forgotten as Forgotten,
 )
 
 # A method: what runs on cars and edges.

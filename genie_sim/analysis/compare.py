@@ -198,10 +198,10 @@ def compared(
     with provenance.of_this_version(folder):
         sides: list[Mapping[str, Mapping[int, Run]]] = [{"": by} for by in settings_of(runs)]
         sides += [result.cells for result in results if "" not in result.cells]
-        return _compared(sides, methods, labels, metrics)
+        return _compare_sides(sides, methods, labels, metrics)
 
 
-def _compared(
+def _compare_sides(
     sides: Sequence[Mapping[str, Mapping[int, Run]]],
     methods: Sequence[str],
     labels: Sequence[str],
@@ -339,7 +339,9 @@ def names_of(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     if labels and len(labels) != len(runs):
         raise UserError(f"compare: {len(labels)} labels for {len(runs)} settings")
     given = [checked_label(label) for label in labels] or [run.label for run in runs]
-    names = [label or name for label, name in zip(given, _names_by_content(runs), strict=True)]
+    unlabelled = [run for run, label in zip(runs, given, strict=True) if not label]
+    by_content = iter(_names_by_content(unlabelled))
+    names = [label or next(by_content) for label in given]
     if len(set(names)) < len(names):
         raise UserError(f"compare: two settings have the same label: {', '.join(names)}")
     return names

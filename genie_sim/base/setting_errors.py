@@ -23,7 +23,8 @@ class SettingError(ValueError):
     @property
     def message(self) -> str:
         """The text, and how many mistakes there are besides."""
-        return self.text + (f" (and {self.more} more)" if self.more else "")
+        mistakes = "mistake" if self.more == 1 else "mistakes"
+        return self.text + (f" (and {self.more} more {mistakes})" if self.more else "")
 
 
 def quoted(key: object) -> str:

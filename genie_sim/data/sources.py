@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Encoding
@@ -142,10 +142,19 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
     if path is None:
         raise UserError(f"image_encoding: {encoding} needs a trace in a file, {trace.name} is none")
     beside = path.with_suffix(f".{encoding}{path.suffix}")
+    about = _perceived(trace)
     if not beside.is_file():
+        way = "nor pictures to make it of"
+        if "input_size" in about["parameters"]:
+            size = "x".join(map(str, about["parameters"]["input_size"]))
+            way = (
+                f"'genie-sim perceive --drive {about['drive']} --detector {about['detector']} "
+                f"--size {size} --min-score {about['parameters']['min_score']} "
+                f"--cameras {','.join(about['parameters']['cameras'])} --encoding {encoding} "
+                f"--out {beside}' makes it"
+            )
         raise UserError(
-            f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; "
-            f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
+            f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {way}"
         )
     from genie_sim.data.trace import read_trace
 
@@ -156,7 +165,21 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
         raise UserError(
             f"{beside}: is not of the pictures of {path.name}; make it again, or take it away"
         )
+    for fact, value in _perceived(encoded).items():
+        if value != about[fact]:
+            raise UserError(
+                f"{beside}: {fact}: is not that of {path.name}, {short_repr(about[fact])}; "
+                "make it again, or take it away"
+            )
     return encoded.rebased(trace.origin)
+
+
+def _perceived(trace: "Trace") -> dict[str, Any]:
+    """What decides, beside the pictures, what a detector finds in them."""
+    about = {fact: trace.provenance.get(fact) for fact in ("drive", "detector", "weights_sha256")}
+    parameters = dict(trace.provenance.get("parameters", {}))
+    parameters.pop("encoding", None)
+    return {**about, "parameters": parameters}
 
 
 def _pictures(trace: "Trace") -> list[tuple[str, int, str]]:

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 SUFFIX = ".truth.parquet"
-RULER = {"tolerance_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
-MAX_RULER_M = 1000.0  # no sensor of a car sees farther
+MAX_RANGE_M = 1000.0  # no sensor of a car sees farther
 
 
 class TruthObject(NamedTuple):
@@ -71,7 +70,7 @@ class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
     trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
 
-    An object that is held is right within ``tolerance_m`` of one in the rows; objects up to
+    An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
     """
 
@@ -79,15 +78,14 @@ class TruthTable:
     origin: Geodetic
     rows: tuple[TruthRow, ...]
     provenance: Mapping[str, Any]
-    tolerance_m: float = SAME_M
     range_m: float = RANGE_M
 
     @functools.cached_property
     def digest(self) -> str:
         """The sha256 of what the table says, computed when it is asked for."""
         content = [self.trace, [float(x) for x in self.origin], self.rows]
-        if (self.tolerance_m, self.range_m) != (SAME_M, RANGE_M):
-            content.append([self.tolerance_m, self.range_m])
+        if self.range_m != RANGE_M:
+            content.append([SAME_M, self.range_m])
         return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
@@ -107,8 +105,10 @@ class TruthTable:
 class RecordedTruth:
     """What is there on a recorded drive, for whoever judges."""
 
+    tolerance_m = SAME_M
+
     def __init__(self, table: TruthTable) -> None:
-        self.tolerance_m, self.range_m = table.tolerance_m, table.range_m
+        self.range_m = table.range_m
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
         places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
         for row in table.rows:
@@ -167,7 +167,8 @@ def write_truth(path: Path, table: TruthTable) -> None:
         digest=table.digest,
         provenance=table.provenance,
         trace=table.trace,
-        **{name: getattr(table, name) for name in RULER},
+        tolerance_m=SAME_M,
+        range_m=table.range_m,
     )
 
 
@@ -206,13 +207,12 @@ def read_truth_table(path: Path) -> TruthTable:
                 f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object} at "
                 f"{row.location} is at no place on Earth [m]"
             )
-    ruler = {name: about.get(name, default) for name, default in RULER.items()}
-    for name, value in ruler.items():
-        if not (world_table.in_range([value], MAX_RULER_M) and value > 0):
-            raise UserError(
-                f"{path}: metadata: {name} {value!r} is no length up to {MAX_RULER_M:g} [m]"
-            )
-    table = TruthTable(about["trace"], about["origin"], rows, about["provenance"], **ruler)
+    range_m = about.get("range_m", RANGE_M)
+    if not (world_table.in_range([range_m], MAX_RANGE_M) and range_m > 0):
+        raise UserError(
+            f"{path}: metadata: range_m {range_m!r} is no length up to {MAX_RANGE_M:g} [m]"
+        )
+    table = TruthTable(about["trace"], about["origin"], rows, about["provenance"], range_m)
     world_table.check_digest(path, table.digest, about)
     return table
 

@@ -31,7 +31,7 @@ class Wire:
     """Bit rate from the edge; `null` is unlimited."""
 
     delay_ns: int
-    """Propagation delay of every message."""
+    """Propagation delay of every message, one way."""
 
     jitter_ns: int = 0
     """Additional delay, drawn uniformly from 0 to this value for every message."""

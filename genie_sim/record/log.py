@@ -79,7 +79,7 @@ class AnswerJudge(Protocol):
 
 
 class Judge(Protocol):
-    """Compares what consumers hold with the truth (``judge.map_accuracy``)."""
+    """Compares what consumers hold with the truth (``judge.consumers``)."""
 
     def published(self, image: Image) -> None: ...
 

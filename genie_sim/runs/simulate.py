@@ -12,7 +12,7 @@ from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
 from genie_sim.judge.agreement import Agreement
-from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.judge.objects import Objects
 from genie_sim.record.log import Log
 from genie_sim.record.records import PowerRow, Tables, new_tables
@@ -213,7 +213,7 @@ def make_judge(
     tables: Tables,
     *,
     earlier_cars: Collection[str],
-) -> MapAccuracy | None:
+) -> ConsumerJudge | None:
     """Returns what judges the consumers of one method, if the scenario wants it; ``None`` where
     nobody knows what is there on any car's drive.
 
@@ -237,7 +237,7 @@ def make_judge(
     truths = {car: truth for car, truth in truths.items() if truth is not None}
     if not truths:
         return None
-    return MapAccuracy(
+    return ConsumerJudge(
         method,
         truths,
         tables["held"],

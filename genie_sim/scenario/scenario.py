@@ -225,8 +225,8 @@ class Scenario(MethodSettings):
         return car.route.start_ns + late_ns
 
     def links(self) -> "list[NamedLink]":
-        """Every link that is named here, of equal ones the first; but those of the user's own,
-        whose code runs only where a scenario does.
+        """Every link that is named here but those of the user's own, whose code runs only where a
+        scenario does.
         """
         named = [
             NamedLink(f"cars[{index}].link", car.link)
@@ -239,11 +239,7 @@ class Scenario(MethodSettings):
             where = f"methods[{index}]." if "edge_network" in entry.settings else ""
             choice = self.method_settings[entry.name].edge_network
             named.append(NamedLink(f"{where}edge_network", choice, between_edges=True))
-        first: dict[tuple[str, bool], NamedLink] = {}
-        for link in named:
-            if not plugins.is_own(link.choice.name):
-                first.setdefault((repr(link.choice), link.between_edges), link)
-        return list(first.values())
+        return [link for link in named if not plugins.is_own(link.choice.name)]
 
     def own_plugins(self) -> list[NamedPlugIn]:
         """The classes of the user's own that are named here, wherever."""

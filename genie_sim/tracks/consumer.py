@@ -33,7 +33,7 @@ class Shown(NamedTuple):
 
 
 class Consumer(ABC):
-    """The node that the answers are for, node Z of the paper: ``judge.map_accuracy`` hands it
+    """The node that the answers are for, node Z of the paper: ``judge.consumers`` hands it
     what the car's ``CarListener`` receives. Times are nanoseconds of the clock that stamps frames.
     """
 

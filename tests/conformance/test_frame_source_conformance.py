@@ -104,7 +104,7 @@ def test_a_recording_that_is_not_there_names_car_and_trace():
     }
     with pytest.raises(
         UserError,
-        match=r"^scenario: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$",
+        match=r"^scenario: cameras\[0\]\.recording: .*02, 03 \(car1 drives .*0005.*\)$",
     ):
         prepare(small.scenario(**recorded))
 

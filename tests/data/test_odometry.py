@@ -79,7 +79,7 @@ def test_it_gives_what_the_raw_drive_gives(tmp_path, raw):
 @pytest.mark.parametrize(
     ("drive", "camera", "broken", "place"),
     [
-        ("odometry/11", "02", None, "known: 05"),
+        ("odometry/11", "02", None, ": 05"),
         (DRIVE, "02", "dataset/poses/05.txt", "poses/05.txt: "),
         (DRIVE, "05", None, "unknown camera '05'"),
         (DRIVE, "03", None, "image_3: "),

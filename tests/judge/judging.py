@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Location
-from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.record.records import HELD
 from genie_sim.record.tables import Table
 from tests.make import S
@@ -81,7 +81,7 @@ def judged(
     rows.
     """
     table = Table(HELD)
-    judge = MapAccuracy("genie", {"car1": Street()}, table, earlier_cars, held_objects=objects)
+    judge = ConsumerJudge("genie", {"car1": Street()}, table, earlier_cars, held_objects=objects)
     for number, (frame, answer) in enumerate(steps):
         header = Header(number * S // 10, "camera_02", "car1")
         judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))

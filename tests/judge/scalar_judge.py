@@ -1,5 +1,5 @@
 """Judges what consumers hold one object after the other, at every instant anew: what
-``recording.map_accuracy`` must agree with.
+``judge.consumers`` must agree with.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _same(ours: Detection, theirs: Detection) -> bool:
 
 
 class ScalarJudge:
-    """The interface of ``MapAccuracy``; objects are few."""
+    """The interface of ``ConsumerJudge``; objects are few."""
 
     def __init__(
         self,

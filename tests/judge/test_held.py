@@ -27,7 +27,7 @@ from genie_sim.data.truth import (
     truth_beside,
     write_truth,
 )
-from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.record.records import HELD, HELD_OBJECTS, ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
@@ -156,7 +156,7 @@ def test_the_zero_delay_detector_is_written_once():
 
 def test_a_car_is_judged_at_the_frames_of_its_first_camera_only():
     table = Table(HELD)
-    judge = MapAccuracy("genie", {"car1": Street()}, table)
+    judge = ConsumerJudge("genie", {"car1": Street()}, table)
     cameras = [("camera_02", "car1"), ("camera_03", "car1"), ("camera_02", "car1")]
     for number, camera in enumerate([*cameras, ("camera_02", "car2")]):
         judge.published(Image(Header(number, *camera), 1000, "", 0, POSE, 1.4, Frame([])))
@@ -169,7 +169,7 @@ def test_a_car_is_judged_at_the_frames_of_its_first_camera_only():
 def test_every_stream_is_judged_where_it_looks_if_all_are():
     """A car stands east, seen by the first camera, and one north, seen by the second."""
     table, objects = Table(HELD), Table(HELD_OBJECTS)
-    judge = MapAccuracy(
+    judge = ConsumerJudge(
         "genie", {"car1": Street()}, table, ["car1"], held_objects=objects, all_streams=True
     )
     north = POSE._replace(heading_rad=math.pi / 2)

@@ -190,7 +190,7 @@ def hand_overs(whole: Scenario, car: str) -> list[FaultEntry]:
 
 def test_every_car_begins_at_the_nearest_edge_and_changes_to_known_edges():
     prepared = prepare(small(fleet=fleet(cars=40)))
-    whole, truth = prepared.scenario, prepared.frames.town
+    whole, truth = prepared.scenario, prepared.frames.scene
     assert isinstance(truth, Town)
     names = {edge.name for edge in whole.edges}
     assert (

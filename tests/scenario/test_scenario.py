@@ -359,7 +359,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
     told = refusal(
         TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 0, start: 3}}") + "seed: x\n"
     )
-    assert told == "x.yaml: seed: must be a whole number, not 'x' (and 4 more)"
+    assert told == "x.yaml: seed: must be a whole number, not 'x' (and 4 more mistakes)"
 
 
 def test_one_of_the_usual_cameras_is_changed_by_its_place() -> None:

@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import read_scenario
@@ -31,8 +31,8 @@ def in_town(record: list[str]) -> Scenario:
 
 def test_few_frames_of_a_drive_are_in_memory_at_any_time(monkeypatch):
     """Those of some batches, and those that wait to be judged together."""
-    small_window = partial(MapAccuracy, window=BATCH_FRAMES // 2)
-    monkeypatch.setattr("genie_sim.runs.simulate.MapAccuracy", small_window)
+    small_window = partial(ConsumerJudge, window=BATCH_FRAMES // 2)
+    monkeypatch.setattr("genie_sim.runs.simulate.ConsumerJudge", small_window)
     batches: weakref.WeakSet[FrameBatch] = weakref.WeakSet()
     alive: list[int] = []
     init = FrameBatch.__init__

@@ -229,7 +229,7 @@ def traces(
         views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
         ordered = _in_order(views, first_ns, numbered, report)
         by_car[car] = checked(report.path, [view.frame for view in ordered])
-        objects[car] = [_truth_row(view.frame, there) for view in ordered for there in view.there]
+        objects[car] = [truth_row(view.frame, there) for view in ordered for there in view.there]
         _check_ways(car, by_car[car], first_ns, report)
     _check_detections(by_car, report, range_m, detected_in)
     if truth:
@@ -409,7 +409,7 @@ def _check_detections(
         report.warn(f"{count - len(distances_m):,} of {count:,} detections have no place")
 
 
-def _truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
+def truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
     """An object in view of a frame, with the class and the decimals that a truth table keeps."""
     east_m, north_m, up_m = _rounded(there[-3:], POSITION_DECIMALS)
     return TruthRow(

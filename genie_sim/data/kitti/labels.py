@@ -16,14 +16,14 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Location
-from genie_sim.data.importers.trace_import import check_distances
+from genie_sim.data.importers.trace_import import check_distances, truth_row
 from genie_sim.data.kitti.drive import TRACKLETS, drive_folders
 from genie_sim.data.kitti.object_label import ObjectLabel, Picture
 from genie_sim.data.kitti.tracking_labels import labels_of_sequence
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TRACKING
 from genie_sim.data.kitti.tracklets import labels_of_drive
-from genie_sim.data.trace import POSITION_DECIMALS, Trace
-from genie_sim.data.truth import TruthRow, TruthTable
+from genie_sim.data.trace import Trace
+from genie_sim.data.truth import TruthObject, TruthTable
 
 RAW_DRIVE = re.compile(r"\d{4}_\d{2}_\d{2}/\d{4}", re.ASCII)
 
@@ -130,21 +130,14 @@ def make_truth(
                 report.leave_out("labels of areas and of no class")
                 continue
             distances_m.append(math.dist(label.centre[:2], frame.pose[:2]))
-            east_m, north_m, up_m = (round(x, POSITION_DECIMALS) for x in label.centre)
-            rows.append(
-                TruthRow(
-                    camera=frame.camera,
-                    frame=frame.index,
-                    stamp_ns=frame.stamp_ns,
-                    object=label.track,
-                    label=GROUPS[label.group][0],
-                    moving=label.track in truth.moving,
-                    visible=label.counts,
-                    east_m=east_m,
-                    north_m=north_m,
-                    up_m=up_m,
-                )
+            there = TruthObject(
+                label.track,
+                GROUPS[label.group][0],
+                label.track in truth.moving,
+                label.counts,
+                *label.centre,
             )
+            rows.append(truth_row(frame, there))
     report.read("labels", len(rows))
     check_distances(report, distances_m)
     if not rows:

@@ -49,7 +49,7 @@ class DetectedObjects(NamedTuple):
         return [detection(label, score, (x, y, z)) for label, (score, x, y, z) in columns]
 
 
-class _LookColumns(NamedTuple):
+class _Looks(NamedTuple):
     """On what the random numbers depend of each look, an object that is in view from a pose (n,):
     the group of its laws, its range in whole metres, the step of its view (``VIEW_STEP_M``; it
     picks the smooth numbers), and the key of the look.
@@ -81,7 +81,7 @@ class SyntheticDetector:
         found = np.flatnonzero(score)
         pose, row = visible.pose[found], visible.row[found]
         range_m = visible.range_m[found]
-        looks = _LookColumns._make(column[found] for column in looks)
+        looks = _Looks._make(column[found] for column in looks)
         # Errors as shares of the range, so that the line of sight need not be of length 1.
         along, across = (
             looks._replace(step=looks.step + apart) for apart in (noise.ALONG, noise.ACROSS)
@@ -122,7 +122,7 @@ class SyntheticDetector:
             draw -= law.per_frame
         return detections
 
-    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _LookColumns:
+    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _Looks:
         objects, pose, row = self._objects, visible.pose, visible.row
         if self._on_grid:
             gone_m, apart = _gone(poses)
@@ -137,11 +137,9 @@ class SyntheticDetector:
             step += objects.offset[row]
         key = keys.look_keys(objects.key[row], poses.key[pose])
         rounded_m = (visible.range_m + 0.5).astype(np.int64)
-        return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, key=key)
+        return _Looks(group=objects.group[row], range_m=rounded_m, step=step, key=key)
 
-    def _drawn(
-        self, copula: Copula, lasting_z: Array, looks: _LookColumns, draw: keys.BitField
-    ) -> Array:
+    def _drawn(self, copula: Copula, lasting_z: Array, looks: _Looks, draw: keys.BitField) -> Array:
         """The values of a copula's table for the sum of what stays with each object, of its view
         and of its look.
         """
@@ -153,7 +151,7 @@ class SyntheticDetector:
         values: Array = copula.table[group, looks.range_m, column]
         return values
 
-    def _labels(self, row: Ints, looks: _LookColumns) -> Any:
+    def _labels(self, row: Ints, looks: _Looks) -> Any:
         """What the detector calls some objects."""
         labels = self._objects.label[row]
         is_prone = keys.OBJECT_PRONE.of(self._objects.key[row]) < self._laws.prone[looks.group]

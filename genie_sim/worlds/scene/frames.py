@@ -67,8 +67,9 @@ class SceneDrive(Drive):
     """What the cameras of one car see in a scene, from ``start_ns`` of the scene's clock on. It has
     the frames of a ``Trace``, made when they are looked at.
 
-    Where it ``is_judged``, what is in view is kept with the frames: what is really there will be
-    asked for, frame by frame. Without it the answer is the same, but computed again.
+    Where it ``is_judged`` (``SceneDrives.truth_of``), what is in view is kept with the frames, as
+    what is really there will be asked for. That may come late: of the batches whose detections were
+    asked for before, what is in view is the same, but computed once more.
 
     Parameters
     ----------

@@ -55,12 +55,20 @@ class Scene:
     """Whether all cars drive east, west, north or south, but for their turns."""
 
     digest: str
-    objects: ObjectColumns
-    visibility: SceneVisibility
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.laws: FittedLaws = synthetic_laws()
+
+    @property
+    def objects(self) -> ObjectColumns:
+        """All that cameras may see."""
+        raise NotImplementedError
+
+    @property
+    def visibility(self) -> SceneVisibility:
+        """Where the objects are, and what of them is in view."""
+        raise NotImplementedError
 
     @functools.cached_property
     def detector(self) -> SyntheticDetector:

@@ -193,7 +193,7 @@ class Places:
         *,
         t_s: Array,
         tolerance_m: float,
-    ) -> Array:
+    ) -> Flags:
         codes = (self._codes.get(class_of(label), self._nothing) for label in labels)
         class_ = np.fromiter(codes, dtype=int, count=len(labels))
         queries, rows = [], []  # of each object near one of the places

@@ -63,10 +63,11 @@ class TownDrives(SceneDrives):
     then, but for the phases of its cameras.
     """
 
+    scene: "Town"
+
     def __init__(self, town: "Town", settings: InTown) -> None:
         super().__init__(town, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
-        self.town, self.settings = town, settings
-        self.extent_m = 0.0, 0.0, *town.size_m
+        self.settings, self.extent_m = settings, (0.0, 0.0, *town.size_m)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "SceneDrive":
-        return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
+        return self.scene.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)

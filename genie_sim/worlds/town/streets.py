@@ -30,10 +30,10 @@ FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 class StreetObject(NamedTuple):
     """Something on a street, or a ghost there, which stands or keeps a speed.
 
-    Where it is at time 0 [m], along the street and across it (east or north of the town's zero);
-    its speed [m/s] towards the street's end, negative for those who come back; and how many start
-    from where those of its stream do: who leaves the street is followed by as many others before it
-    would be there again.
+    ``along_m`` and ``across_m`` are where it is at time 0, along the street and across it, from the
+    town's zero; ``speed_mps`` is towards the street's end, and negative for those who come back. A
+    stream starts from ``stream_size`` places: who enters in place of one who has left the street
+    has a number that is by so much higher, or lower for those who come back.
     """
 
     label: str

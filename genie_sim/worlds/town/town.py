@@ -72,7 +72,7 @@ class Town(Scene):
         ]
 
     @functools.cached_property
-    def objects(self) -> ObjectColumns:  # type: ignore[override]  # it is laid out when asked for
+    def objects(self) -> ObjectColumns:
         """All that stands and moves in the town, street by street."""
         items = [item for street in self.streets for item in street.objects]
         return ObjectColumns(
@@ -84,7 +84,7 @@ class Town(Scene):
         )
 
     @functools.cached_property
-    def visibility(self) -> Places:  # type: ignore[override]
+    def visibility(self) -> Places:
         """Where everything is, and what every camera in the town has in view."""
         return Places(self.rules, self.streets, self.objects)
 

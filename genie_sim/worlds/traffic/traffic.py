@@ -1,5 +1,6 @@
 """Recorded traffic as a scene: cameras see its vehicles, and some of these carry cameras."""
 
+import functools
 import hashlib
 import json
 import logging
@@ -63,15 +64,22 @@ class Traffic(Scene):
         decisive = {name: value for name, value in asdict(settings).items() if name != "accept"}
         text = json.dumps([self._content, decisive | {"fcd": ""}, seed, self.laws.digest])
         self.digest = hashlib.sha256(text.encode()).hexdigest()
+
+    @functools.cached_property
+    def objects(self) -> ObjectColumns:
+        """All vehicles, whose rows are their numbers."""
         labels = self.vehicles.labels
-        self.objects = ObjectColumns(
+        return ObjectColumns(
             labels,
             range(len(labels)),
             [True] * len(labels),
             laws=self.laws,
-            seed_key=seed_key(STREAM, seed),
+            seed_key=seed_key(STREAM, self.seed),
         )
-        self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
+
+    @functools.cached_property
+    def visibility(self) -> TrafficView:
+        return TrafficView(self.vehicles, self.objects, self.settings.view_m)
 
     def warn(self) -> None:
         """Logs what was not read as it stands in the file."""
@@ -135,10 +143,12 @@ def car_names(path: Path, ids: Sequence[str]) -> list[str]:
 class TrafficDrives(SceneDrives):
     """Traffic with the drives of its equipped vehicles."""
 
+    scene: Traffic
+
     def __init__(self, traffic: Traffic) -> None:
         settings, vehicles = traffic.settings, traffic.vehicles
         super().__init__(traffic, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
-        self.traffic, self.extent_m = traffic, vehicles.extent_m
+        self.extent_m = vehicles.extent_m
         numbers = [number for number in range(len(vehicles)) if not vehicles.is_person[number]]
         self._ids = [vehicles.ids[number] for number in numbers]
         self._names = car_names(traffic.path, self._ids)
@@ -158,14 +168,14 @@ class TrafficDrives(SceneDrives):
         starts_ns = {name: self._stretches[name][1] for name in equipped if name in self._stretches}
         if not starts_ns:
             raise UserError(
-                f"{self.traffic.path}: perception.equipped: none of {len(self._ids):,} vehicles is "
+                f"{self.scene.path}: perception.equipped: none of {len(self._ids):,} vehicles is "
                 f"equipped and there for {SHORTEST_S:g} s; raise the share or 'duration'"
             )
         left_out = len(equipped) - len(starts_ns)
         if left_out:
             log.warning(
                 "%s: %d equipped vehicles are there for less than %g s: they carry no cameras",
-                self.traffic.path,
+                self.scene.path,
                 left_out,
                 SHORTEST_S,
             )
@@ -173,36 +183,36 @@ class TrafficDrives(SceneDrives):
 
     def _equipped(self) -> list[str]:
         """The names of the equipped vehicles, in the order in which they appear."""
-        equipped, ids = self.traffic.settings.equipped, self._ids
+        equipped, ids = self.scene.settings.equipped, self._ids
         if isinstance(equipped, tuple):
             numbers = {vehicle: number for number, vehicle in enumerate(ids)}
             for vehicle in equipped:
                 if vehicle not in numbers:
                     what = unknown("vehicle", vehicle, ids)
-                    raise UserError(f"{self.traffic.path}: perception.equipped: {what}")
+                    raise UserError(f"{self.scene.path}: perception.equipped: {what}")
             return [self._names[numbers[vehicle]] for vehicle in equipped]
         return [
             name
             for name, vehicle in zip(self._names, ids, strict=True)
             if equipped == 1.0
-            or stream(self.traffic.seed, STREAM, "equipped", vehicle).random() < equipped
+            or stream(self.scene.seed, STREAM, "equipped", vehicle).random() < equipped
         ]
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> SceneDrive:
         if car not in self._stretches:
             what = unknown("vehicle", car, self._stretches)
-            raise UserError(f"{self.traffic.path}: {what}")
+            raise UserError(f"{self.scene.path}: {what}")
         stretch, begin_ns, end_ns = self._stretches[car]
         if not begin_ns <= start_ns < end_ns:
             raise UserError(
-                f"{self.traffic.path}: {car} starts at {start_ns / 1e9:g} s, but is there from "
+                f"{self.scene.path}: {car} starts at {start_ns / 1e9:g} s, but is there from "
                 f"{begin_ns / 1e9:g} to {end_ns / 1e9:g} s: see 'route.start' and 'start_jitter'"
             )
         return SceneDrive(
-            self.traffic,
+            self.scene,
             car,
             lambda: stretch,
             duration_ns=end_ns - start_ns,
-            interval_ns=self.traffic.settings.interval_ns,
+            interval_ns=self.scene.settings.interval_ns,
             start_ns=start_ns,
         )

@@ -73,8 +73,14 @@ class TrafficView:
         candidates: PlacedObjects,
         motions: Motions,
     ) -> Flags:
-        """Which of the objects in the field of view (n,) others hide, of ``candidates`` (m,), which
-        are ordered by their poses; ``motions`` (m,) are theirs.
+        """Which of the objects in the field of view (n,) others hide.
+
+        Parameters
+        ----------
+        poses : of the cameras
+        visible : what is in their fields of view (n,)
+        candidates : what may hide it (m,), in the order of the poses
+        motions : of the candidates (m,)
         """
         counts = np.bincount(candidates.pose, minlength=len(poses.key))
         firsts = np.cumsum(counts) - counts

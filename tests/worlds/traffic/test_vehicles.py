@@ -170,7 +170,7 @@ def seen(folder, others, types=None, *, view_m=60.0, heading=0.0, t_s=0.0):
 def seen_in(path, *, view_m=60.0, heading=0.0, t_s=0.0):
     """Which of the vehicles in a file a camera at (0, 0) sees."""
     source = FRAME_SOURCE.make(Choice("traffic", {"fcd": str(path), "view_m": view_m}))
-    traffic = source.open(1, None).traffic
+    traffic = source.open(1, None).scene
     poses = ViewPoses._make(
         np.array([column])
         for column in (0.0, 0.0, math.cos(heading), math.sin(heading), t_s, np.uint64(1))

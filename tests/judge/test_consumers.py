@@ -23,8 +23,8 @@ from genie_sim.core.messages import (
     Location,
 )
 from genie_sim.judge import objects
+from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.judge.joins import GroupedPlaces
-from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.tables import Table
@@ -97,7 +97,7 @@ class Town(Street):
         return label != "person"
 
 
-Judge = MapAccuracy | ScalarJudge
+Judge = ConsumerJudge | ScalarJudge
 CARS = {"car1": Street(), "car2": Town()}
 
 
@@ -161,7 +161,7 @@ def test_windows_of_any_size_are_judged_as_one_object_after_the_other(
     seed: int, window: int, all_streams: bool, without_delay: tuple[str, ...]
 ):
     rows = []
-    for make in (partial(MapAccuracy, window=window), ScalarJudge):
+    for make in (partial(ConsumerJudge, window=window), ScalarJudge):
         tables = Table(HELD), Table(HELD_OBJECTS)
         judge = make(
             "genie", CARS, tables[0], without_delay, held_objects=tables[1], all_streams=all_streams

@@ -21,14 +21,14 @@ from genie_sim.judge.objects import Objects
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
 from genie_sim.record.columns import Columns, Text
-from genie_sim.record.records import CONSUMER, ZERO_DELAY
+from genie_sim.record.records import CONSUMER, JUDGED, ZERO_DELAY
 from genie_sim.record.tables import Table
 from genie_sim.tracks.consumer import Consumer, Newest, Shown
 
 WINDOW, WINDOW_OF_CAR = 1024, 8  # scenes that are judged at once: the larger number of both
 
-JUDGEMENTS = ("right", "duplicate", "hidden", "moved_away", "never_there", "missed")
-RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS))
+JUDGEMENTS = (*JUDGED, "hidden")  # what is hidden has no row
+RIGHT, MISSED, MOVED_AWAY, NEVER_THERE, DUPLICATE, HIDDEN = range(len(JUDGEMENTS))
 
 
 class _Judged(NamedTuple):
@@ -44,7 +44,7 @@ class _Judged(NamedTuple):
     is_match: Array
 
 
-class MapAccuracy:
+class ConsumerJudge:
     """Judges what the consumers of one method hold.
 
     Parameters
