@@ -408,7 +408,7 @@ def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch)
     monkeypatch.setattr(
         SweepFigures, "drawn", lambda sweep: iter(drawn.append(sweep.design.name) or ())
     )
-    settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+    settings = {"cars[0].route.window": ["0 s", "0.5 s"], "methods": ["genie"]}
     axes = {"genie.object_map.rate": [0.1, 0.5]}
     axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
     made = genie_sim.sweep("street_1car_homo", axes, settings, seeds=3, jobs=1)

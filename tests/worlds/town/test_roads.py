@@ -104,6 +104,25 @@ def test_a_light_is_green_for_one_street_at_a_time():
             assert green_at((4, 8), northbound, green_s + 1e-6) == green_s + 1e-6
 
 
+def test_no_car_drives_into_a_red_light():
+    """Of six cars in a town with lights at all junctions: each is green within the tenth of a
+    second in which a car drives in.
+    """
+    rules, step_s, entries = TownRules(blocks=(3, 3), main_every=1), 0.1, 0
+    town = Town(rules, seed=2)
+    for k in range(6):
+        drive = town.drive(f"car{k}", 120 * NS_PER_S)
+        way = np.array([drive.position(t_ns) for t_ns in range(0, drive.duration_ns, STEP_NS)])
+        nodes = np.rint(way / rules.block_m).astype(int)
+        is_inside = (np.abs(way - nodes * rules.block_m) < JUNCTION_M - 1e-3).all(axis=1)
+        for n in np.flatnonzero(np.diff(is_inside.astype(int)) > 0).tolist():
+            east_m, north_m = np.abs(way[n + 1] - way[n])
+            green_s = green_at(tuple(nodes[n + 1].tolist()), bool(north_m > east_m), n * step_s)
+            assert green_s <= (n + 1) * step_s + 1e-6
+            entries += 1
+    assert entries > 20
+
+
 def _overlap(rules: TownRules) -> float:
     """Of the sections that two cars pass in two minutes the share that both pass (Jaccard), mean of
     all pairs.
