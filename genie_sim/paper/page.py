@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 TITLE = "The paper's evaluation, simulated"
 ABOUT_CLAIMS = (
-    "he: heterogeneous edges; ho: homogeneous edges. Here: mean over the seeds and its 95 % "
-    "interval. The set-ups were chosen with outcomes in sight: what holds describes the paper and "
-    "predicts nothing."
+    "he: heterogeneous edges; ho: homogeneous edges. Here: mean over the seeds, in brackets its "
+    "95 % interval. The set-ups were chosen with outcomes in sight: what holds describes the paper "
+    "and predicts nothing."
 )
 ABOUT_ACCURACY = (
     "The paper does not measure it. Against KITTI's labels: what the consumer holds at each "
-    "instant, mean over the six scenarios with its 95 % interval; the zero-delay detector is the "
-    "detector's own answer without any delay."
+    "instant, mean over the six scenarios, in brackets its 95 % interval; the zero-delay detector "
+    "is the detector's own answer without any delay."
 )
 ACCURACY = (
     "object_recall_static",
