@@ -133,12 +133,14 @@ class _Numbers:
         """What a metric is."""
         return definition(name, self.words)
 
-    def _range(self, name: str, method: str, placement: str, component: str) -> Cell:
-        """The range of a number alone."""
-        metric = self._by_place.get((name, method, placement, component))
-        if metric is None or metric.range_low is None:
-            return Cell()
-        return self.about(name).cell(None, metric.range_low, metric.range_high)
+    def _number(
+        self, column: _Column, name: str, placement: str, component: str
+    ) -> MetricValue | None:
+        """The number of a column; a component beside the methods has none of another component."""
+        if component and column.component:
+            return None
+        place = name, column.method, placement, component or column.component
+        return self._by_place.get(place)
 
     def rows(
         self,
@@ -154,22 +156,17 @@ class _Numbers:
             if whole and ("all", "") in places:
                 places = {("all", ""): None}
             for placement, component in places:
-                cells = [
-                    cell(
-                        self._by_place.get(
-                            (name, column.method, placement, component or column.component)
-                        ),
-                        self.words,
-                    )
-                    for column in columns
-                ]
+                numbers = [self._number(column, name, placement, component) for column in columns]
+                cells = [cell(number, self.words) for number in numbers]
                 if any(found.is_known for found in cells):
                     metric = self.about(name)
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
                     ranges = [
-                        self._range(name, column.method, placement, component or column.component)
-                        for column in columns
+                        Cell()
+                        if number is None or number.range_low is None
+                        else metric.cell(None, number.range_low, number.range_high)
+                        for number in numbers
                     ]
                     if not whole and any(cell.is_known for cell in ranges):
                         yield Row(metric.labelled(f"{title}, range"), ranges)
