@@ -174,6 +174,7 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     told = " ".join(screen.text(made, 80, ()).split())
     assert "proxy F1" not in told and "Proxy, and cache hits: against the" in told, "truth is known"
     assert "wrong cache hits [%]" in summary.markdown(made)
+    assert summary.ABOUT_PROXIES not in summary.short_table(made).notes, "no row of either"
 
 
 def test_answers_may_be_left_out_and_change_nothing_else():
