@@ -470,7 +470,14 @@ class PlugIn:
         try:
             return plugins.checked_name(self.what, value, self.registry)
         except ValueError as error:
-            raise SettingError("", str(error)) from error
+            hint = ""
+            if (
+                self.presets is not None
+                and isinstance(value, str)
+                and value in self.presets.choices
+            ):
+                hint = f"; {value!r} is a {self.presets.what}: like: {value}"
+            raise SettingError("", f"{error}{hint}") from error
 
     def read(self, value: object, base: object = None) -> Choice:
         """A name or a mapping, completed by ``base`` unless it names a class, else by the defaults
