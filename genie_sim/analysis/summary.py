@@ -94,6 +94,12 @@ class _Column(NamedTuple):
     method: str
     component: str = ""
 
+    def component_of(self, component: str) -> str:
+        """The component of a row whose number stands in this column; none has both that of a row
+        and that of the column.
+        """
+        return ", ".join(filter(None, (component, self.component)))
+
 
 class _Numbers:
     """The numbers of a run by their names and places, and the methods that were simulated."""
@@ -133,14 +139,12 @@ class _Numbers:
         """What a metric is."""
         return definition(name, self.words)
 
-    def _number(
-        self, column: _Column, name: str, placement: str, component: str
-    ) -> MetricValue | None:
-        """The number of a column; a component beside the methods has none of another component."""
-        if component and column.component:
-            return None
-        place = name, column.method, placement, component or column.component
-        return self._by_place.get(place)
+    def _range(self, name: str, method: str, placement: str, component: str) -> Cell:
+        """The range of a number alone."""
+        metric = self._by_place.get((name, method, placement, component))
+        if metric is None or metric.range_low is None:
+            return Cell()
+        return self.about(name).cell(None, metric.range_low, metric.range_high)
 
     def rows(
         self,
@@ -156,17 +160,22 @@ class _Numbers:
             if whole and ("all", "") in places:
                 places = {("all", ""): None}
             for placement, component in places:
-                numbers = [self._number(column, name, placement, component) for column in columns]
-                cells = [cell(number, self.words) for number in numbers]
+                cells = [
+                    cell(
+                        self._by_place.get(
+                            (name, column.method, placement, column.component_of(component))
+                        ),
+                        self.words,
+                    )
+                    for column in columns
+                ]
                 if any(found.is_known for found in cells):
                     metric = self.about(name)
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
                     ranges = [
-                        Cell()
-                        if number is None or number.range_low is None
-                        else metric.cell(None, number.range_low, number.range_high)
-                        for number in numbers
+                        self._range(name, column.method, placement, column.component_of(component))
+                        for column in columns
                     ]
                     if not whole and any(cell.is_known for cell in ranges):
                         yield Row(metric.labelled(f"{title}, range"), ranges)
@@ -386,11 +395,12 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         of_busiest = name == "utilization"
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
-    told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
+    hidden = {*numbers.names}.difference(names)
+    told = [name for name, metric in METRICS.items() if metric.tier <= tier and name not in hidden]
     notes = (
         [] if metrics else list(filter(None, [overload(run), no_repeats(run), about_boxes(run)]))
     )
-    notes += _main_notes(told, numbers)
+    notes += _main_notes(metrics or told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:
         notes.append(about_laws(run))

@@ -9,7 +9,6 @@ import pytest
 from genie_sim.analysis import metrics, renderers, screen, summary
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.errors import UserError
-from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import make
 from tests.make import run_of
@@ -118,18 +117,6 @@ def test_every_latency_of_every_method_has_its_row(found):
     for metric in ("first_answer_mean", "fresh_answer_mean", "first_answer_p95"):
         cells = [cell.split()[0] for cell in row_of(text, METRICS[metric].label)]
         assert cells == [f"{known[metric, role]:.3g}" for role in ("local", "remote", "genie")]
-
-
-def test_the_zero_delay_detector_has_no_number_of_a_part_of_a_method():
-    measured = [
-        MetricValue("streaming_f1", "local", "all", ZERO_DELAY, 0.9, "1"),
-        MetricValue("streaming_f1", "local", "all", "", 0.5, "1"),
-        MetricValue("lap_f1", "local", "all", "lap 2", 0.25, "1"),
-    ]
-    run = run_of(measured, plain("local"))
-    both = summary.main_table(run, ["streaming_f1", "lap_f1"])
-    assert [cells[1:] for cells in both.texts()] == [["50", "90"], ["25", "-"]]
-    assert len(summary.main_table(run, ["lap_f1"]).columns) == 1
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
@@ -269,6 +256,9 @@ def test_every_placement_method_and_component_has_its_own_number():
     assert row_of(markdown(run), "object reuse on cars [%]") == ["33"]
     assert row_of(markdown(run), "object reuse on edges [%]") == ["44"]
     assert row_of(markdown(run), "streaming F1 [%]") == ["55", "66", "77"]
+    run += [MetricValue("lap_f1", "local", "all", "1", 0.88, "1")]
+    of_lap = summary.main_table(run_of(run), ("lap_f1",))
+    assert of_lap.headings == ["", "local (L)"], "a method's lap is none of the detector's"
 
 
 def test_a_resource_that_is_overloaded_is_named_in_one_line():

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.paths import PARTIAL, usable
+from genie_sim.base.paths import usable
 from genie_sim.record import folders, provenance
 from genie_sim.record.folders import check_writable, result_folder
 from genie_sim.record.provenance import run_id
@@ -48,15 +48,13 @@ def test_what_somebody_put_into_a_result_stays_when_it_is_made_again(tmp_path):
     (elsewhere / "precious").write_text("precious")
     (final / "run.json").write_text("{}")
     (final / "page.html").write_text("of before")
-    (final / "mine" / "notes.txt").write_text("mine")
-    (final / "mine" / "draft.partial.md").write_text("mine")
-    (final / f".table.csv.0123abcd{PARTIAL}").write_text("of a process that was killed")
+    (final / "mine" / "notes.partial.md").write_text("mine")
+    (final / ".summary.md.0123abcd.partial").write_text("half")
     (final / "link").symlink_to(elsewhere)
     with result_folder(final, ("page.html",)) as partial:
         (partial / "run.json").write_text("[]")
-    assert (final / "mine" / "notes.txt").read_text() == "mine"
-    assert (final / "mine" / "draft.partial.md").read_text() == "mine"
-    assert not [*final.glob(f".*{PARTIAL}")]
+    assert (final / "mine" / "notes.partial.md").read_text() == "mine"
+    assert not (final / ".summary.md.0123abcd.partial").exists()
     assert (final / "link").is_symlink() and (elsewhere / "precious").read_text() == "precious"
     assert (final / "run.json").read_text() == "[]" and not (final / "page.html").exists()
 
