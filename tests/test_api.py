@@ -204,7 +204,7 @@ def test_methods_and_labels(run):
     assert set(compared.table["setting"]) == {"usual", "new"}
     assert set(compared.table["method"]) == {"genie"}
     compared = gs.compare(run, chosen, methods=["genie"])
-    assert set(compared.table["setting"]) == {f"street_3car_hetero-{run.run_id[:6]}", "chosen"}
+    assert set(compared.table["setting"]) == {"street_3car_hetero", "chosen"}
     with pytest.raises(gs.UserError, match="unknown method 'genei'"):
         gs.run("street_3car_hetero", methods=["genei"])
     with pytest.raises(gs.UserError, match="label: must be one line"):
