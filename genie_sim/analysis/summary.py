@@ -94,6 +94,12 @@ class _Column(NamedTuple):
     method: str
     component: str = ""
 
+    def component_of(self, component: str) -> str:
+        """The component of a row whose number stands in this column; none has both that of a row
+        and that of the column.
+        """
+        return ", ".join(filter(None, (component, self.component)))
+
 
 class _Numbers:
     """The numbers of a run by their names and places, and the methods that were simulated."""
@@ -157,7 +163,7 @@ class _Numbers:
                 cells = [
                     cell(
                         self._by_place.get(
-                            (name, column.method, placement, component or column.component)
+                            (name, column.method, placement, column.component_of(component))
                         ),
                         self.words,
                     )
@@ -168,7 +174,7 @@ class _Numbers:
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
                     ranges = [
-                        self._range(name, column.method, placement, component or column.component)
+                        self._range(name, column.method, placement, column.component_of(component))
                         for column in columns
                     ]
                     if not whole and any(cell.is_known for cell in ranges):
@@ -389,11 +395,12 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         of_busiest = name == "utilization"
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
-    told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
+    hidden = {*numbers.names}.difference(names)
+    told = [name for name, metric in METRICS.items() if metric.tier <= tier and name not in hidden]
     notes = (
         [] if metrics else list(filter(None, [overload(run), no_repeats(run), about_boxes(run)]))
     )
-    notes += _main_notes(told, numbers)
+    notes += _main_notes(metrics or told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:
         notes.append(about_laws(run))
