@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL
+from genie_sim.base.classes import CANONICAL, class_of
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
@@ -68,7 +68,8 @@ class TruthRow(NamedTuple):
 @dataclass(frozen=True)
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
-    trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
+    trace they belong to, as its file has it, also after ``rebased``; ``digest`` is the sha256 of
+    trace, origin, rows, reach and range.
 
     An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
@@ -114,7 +115,7 @@ class RecordedTruth:
         for row in table.rows:
             if row.visible:
                 self._visible.setdefault((row.camera, row.frame), []).append(row)
-            of_class = places.setdefault((row.camera, row.frame, row.label), [])
+            of_class = places.setdefault((row.camera, row.frame, class_of(row.label)), [])
             of_class.append((row.east_m, row.north_m))
         # of all, visible or not: east and north [m]; by camera, frame and class the first row and
         # how many there are
@@ -122,8 +123,8 @@ class RecordedTruth:
         counts = [len(of_class) for of_class in places.values()]
         begins = itertools.accumulate(counts, initial=0)
         self._spans: dict[tuple[str, int], dict[str, tuple[int, int]]] = {}
-        for (camera, frame, label), begin, count in zip(places, begins, counts, strict=False):
-            self._spans.setdefault((camera, frame), {})[label] = begin, count
+        for (camera, frame, class_), begin, count in zip(places, begins, counts, strict=False):
+            self._spans.setdefault((camera, frame), {})[class_] = begin, count
 
     def knows(self, label: str) -> bool:
         return label in CANONICAL
@@ -134,8 +135,8 @@ class RecordedTruth:
     def are_there(
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """Whether an object of a class is within ``tolerance_m`` of a place, visible or not, in its
-        frame, for each of (n,) places.
+        """Whether an object of the class of each label (n,) is within ``tolerance_m`` of its place
+        (n,), visible or not, in its frame (n,).
         """
         spans: list[int] = []
         last: Frame | None = None
@@ -143,7 +144,7 @@ class RecordedTruth:
         for frame, label in zip(frames, labels, strict=True):
             if frame is not last:  # many are about one frame
                 last, of_frame = frame, self._spans.get(_key(frame), {})
-            spans += of_frame.get(label, (0, 0))
+            spans += of_frame.get(class_of(label), (0, 0))
         begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
         row, index = rows_of_spans(begins, counts)
         there_m = self._places_m[row]

@@ -31,7 +31,8 @@ class RealObject(Protocol):
 class DriveTruth(Protocol):
     """What is really there on one car's drive.
 
-    It is asked after the instants that it is asked about.
+    It is asked after the instants that it is asked about. A label, such as ``truck``, stands for
+    all objects of its class (``base.classes.class_of``).
     """
 
     @property
@@ -43,7 +44,7 @@ class DriveTruth(Protocol):
         """How far from the camera an object counts."""
 
     def knows(self, label: str) -> bool:
-        """Whether objects of a class would be known if they were there."""
+        """Whether objects with a label would be known if they were there."""
 
     def visible(self, frame: Frame) -> Sequence[RealObject]:
         """What the frame's camera can see."""
@@ -51,8 +52,8 @@ class DriveTruth(Protocol):
     def are_there(
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """Whether anything of a class, visible or not, is within ``tolerance_m`` of a place when
-        its frame is taken, for each of (n,) places.
+        """Whether anything of the class of each label (n,), visible or not, is within
+        ``tolerance_m`` of its place (n,) when its frame (n,) is taken.
         """
 
 
