@@ -389,11 +389,12 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         of_busiest = name == "utilization"
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
-    told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
+    hidden = {*numbers.names}.difference(names)
+    told = [name for name, metric in METRICS.items() if metric.tier <= tier and name not in hidden]
     notes = (
         [] if metrics else list(filter(None, [overload(run), no_repeats(run), about_boxes(run)]))
     )
-    notes += _main_notes(told, numbers)
+    notes += _main_notes(metrics or told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:
         notes.append(about_laws(run))

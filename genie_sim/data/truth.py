@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base import parquet
 from genie_sim.base.classes import CANONICAL, class_of
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, transform
@@ -68,8 +69,8 @@ class TruthRow(NamedTuple):
 @dataclass(frozen=True)
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
-    trace they belong to, as its file has it, also after ``rebased``; ``digest`` is the sha256 of
-    trace, origin, rows, reach and range.
+    trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin, rows, reach
+    and range.
 
     An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
@@ -115,7 +116,7 @@ class RecordedTruth:
         for row in table.rows:
             if row.visible:
                 self._visible.setdefault((row.camera, row.frame), []).append(row)
-            of_class = places.setdefault((row.camera, row.frame, class_of(row.label)), [])
+            of_class = places.setdefault((row.camera, row.frame, row.label), [])
             of_class.append((row.east_m, row.north_m))
         # of all, visible or not: east and north [m]; by camera, frame and class the first row and
         # how many there are
@@ -123,8 +124,8 @@ class RecordedTruth:
         counts = [len(of_class) for of_class in places.values()]
         begins = itertools.accumulate(counts, initial=0)
         self._spans: dict[tuple[str, int], dict[str, tuple[int, int]]] = {}
-        for (camera, frame, class_), begin, count in zip(places, begins, counts, strict=False):
-            self._spans.setdefault((camera, frame), {})[class_] = begin, count
+        for (camera, frame, label), begin, count in zip(places, begins, counts, strict=False):
+            self._spans.setdefault((camera, frame), {})[label] = begin, count
 
     def knows(self, label: str) -> bool:
         return label in CANONICAL
@@ -135,8 +136,8 @@ class RecordedTruth:
     def are_there(
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """Whether an object of the class of each label (n,) is within ``tolerance_m`` of its place
-        (n,), visible or not, in its frame (n,).
+        """Whether an object of a class is within ``tolerance_m`` of a place, visible or not, in its
+        frame, for each of (n,) places.
         """
         spans: list[int] = []
         last: Frame | None = None
@@ -156,6 +157,11 @@ class RecordedTruth:
 
 def _key(frame: Any) -> tuple[str, int]:
     return frame.camera, frame.index
+
+
+def check_replaceable(path: Path) -> None:
+    """Raises ``UserError`` where a table may not be written: what is there is none."""
+    parquet.check_replaceable(path, (*world_table.FACTS, "trace", "tolerance_m", "range_m"))
 
 
 def write_truth(path: Path, table: TruthTable) -> None:

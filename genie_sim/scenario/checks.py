@@ -160,7 +160,7 @@ def _check_links(scenario: Scenario) -> None:
     """Edges have places where a link model needs them, and one that needs cars is not between
     edges.
     """
-    for link in scenario.links():
+    for link in scenario.shipped_links():
         model, name = LINK.make(link.choice), link.choice.name
         if hasattr(model, "check"):
             with blamed_on(link.path):

@@ -61,7 +61,7 @@ class FaultEntry(FaultTimes):
 
     def shorten(self) -> object:
         """The settings of the fault beside its times."""
-        fault = FAULT.plain(self.fault)
+        fault = FAULT.written(self.fault)
         assert isinstance(fault, dict), "every fault has a target"
         times = written(FaultTimes, vars(self))
         return {**fault, **{key: item for key, item in times.items() if item is not None}}

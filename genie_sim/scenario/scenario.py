@@ -224,7 +224,7 @@ class Scenario(MethodSettings):
         late_ns = int(stream(self.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
         return car.route.start_ns + late_ns
 
-    def links(self) -> "list[NamedLink]":
+    def shipped_links(self) -> "list[NamedLink]":
         """Every link that is named here but those of the user's own, whose code runs only where a
         scenario does.
         """
@@ -270,7 +270,7 @@ class Scenario(MethodSettings):
     def link_digests(self) -> dict[str, str]:
         """Digests of the recordings that links replay."""
         digests: dict[str, str] = {}
-        for link in self.links():
+        for link in self.shipped_links():
             digests |= getattr(LINK.make(link.choice), "digests", dict)()
         return digests
 

@@ -254,7 +254,7 @@ def test_run_writes_the_page_unless_told_not_to(capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nowhere"], "nowhere: not a result folder"),
+        (["nowhere"], "nowhere: not a result folder: it does not exist"),
         (["nowhere", "--start", "3 parsec"], "--start: "),
     ],
 )
