@@ -94,6 +94,12 @@ class _Column(NamedTuple):
     method: str
     component: str = ""
 
+    def component_of(self, component: str) -> str:
+        """The component of a row whose number stands in this column; none has both that of a row
+        and that of the column.
+        """
+        return ", ".join(filter(None, (component, self.component)))
+
 
 class _Numbers:
     """The numbers of a run by their names and places, and the methods that were simulated."""
@@ -157,7 +163,7 @@ class _Numbers:
                 cells = [
                     cell(
                         self._by_place.get(
-                            (name, column.method, placement, component or column.component)
+                            (name, column.method, placement, column.component_of(component))
                         ),
                         self.words,
                     )
@@ -168,7 +174,7 @@ class _Numbers:
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
                     ranges = [
-                        self._range(name, column.method, placement, component or column.component)
+                        self._range(name, column.method, placement, column.component_of(component))
                         for column in columns
                     ]
                     if not whole and any(cell.is_known for cell in ranges):
