@@ -370,6 +370,7 @@ def run_of(
     tables = tables if tables is not None else {"frames": frames(2, 3).columns()}
     columns = {name: Columns.of(table) for name, table in tables.items()}
     usual = {"name": "street_3car_hetero", "seed": 1, "cars": [{}, {}], "edges": [{}]}
+    usual["perception"] = {"source": "recorded"}
     facts = {"scenario": usual | scenario, "methods": [asdict(method) for method in methods]}
     measured = measured if measured is not None else compute(methods, columns)
     return Run("0123456789ab", facts, "", columns, measured, label=label)
