@@ -2,7 +2,8 @@
 robots.
 
 As a library: ``import genie_sim as gs; run = gs.run("3car_hetero")``; see ``genie_sim.api``, which
-is imported when it is first used.
+is imported when it is first used. Which room may import which others stands in ``MAY_IMPORT`` of
+``tests/test_imports.py`` alone.
 """
 
 from typing import TYPE_CHECKING, Any

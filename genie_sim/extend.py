@@ -24,6 +24,7 @@ from genie_sim.core.messages import (
     Observation as Observation,
     ImageLookup as ImageLookup,
     Expired as Expired,
+    Forgotten as Forgotten,
 )
 
 # A method: what runs on cars and edges.

@@ -202,9 +202,10 @@ def test_methods_and_labels(run):
     assert [method.name for method in chosen.methods] == ["genie", "local"]
     compared = gs.compare(run, chosen, methods=["genie"], labels=["usual", "new"])
     assert set(compared.table["setting"]) == {"usual", "new"}
+    assert repr(compared) == f"<Comparison of usual, new: {len(compared.table):,} rows>"
     assert set(compared.table["method"]) == {"genie"}
     compared = gs.compare(run, chosen, methods=["genie"])
-    assert set(compared.table["setting"]) == {f"street_3car_hetero-{run.run_id[:6]}", "chosen"}
+    assert set(compared.table["setting"]) == {"street_3car_hetero", "chosen"}
     with pytest.raises(gs.UserError, match="unknown method 'genei'"):
         gs.run("street_3car_hetero", methods=["genei"])
     with pytest.raises(gs.UserError, match="label: must be one line"):

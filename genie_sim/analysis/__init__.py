@@ -1,3 +1,3 @@
-"""Arithmetic on the tables of a run: a class a metric, one table of results, figures. It may import
-``base``, ``core`` and ``record``, never the simulator.
+"""Arithmetic on the tables of a run: a class a metric, one table of results, figures. It knows
+nothing of the simulator.
 """

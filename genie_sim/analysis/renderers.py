@@ -283,9 +283,12 @@ def _tabular(table: ResultTable, wide: bool) -> str:
 
 def _signs(table: ResultTable) -> list[str]:
     """What the signs of a table mean, in LaTeX."""
-    if all(cell.is_defined for row in table.rows for cell in row.cells):
-        return []
-    return ["--: not defined."]
+    cells = [cell for row in table.rows for cell in row.cells]
+    signs = [] if all(cell.is_defined for cell in cells) else ["--: not defined."]
+    of_numbers = [cell for cell in cells if cell.is_defined and not isinstance(cell.value, str)]
+    if len({bool(_ends(cell)) for cell in of_numbers}) == 2:
+        signs.append("No brackets: the interval rounds to the number, or there is none.")
+    return signs
 
 
 def _escaped(text: str) -> str:

@@ -13,9 +13,16 @@ from typing import Any
 
 from genie_sim.base.text import percent_text
 
-# width of a column and of a page in IEEE's journals and proceedings; ACM's are narrower (sigconf)
+# default width of a figure in a column and over a page
 COLUMN_IN, PAGE_IN = 3.5, 7.16
-WIDTHS = {"column": COLUMN_IN, "page": PAGE_IN, "acm-column": 3.33, "acm-page": 7.0}
+TEX_POINT_IN = 1 / 72.27
+# \columnwidth and \textwidth of IEEEtran, and what fits those of ACM's sigconf
+WIDTHS = {
+    "column": 252 * TEX_POINT_IN,
+    "page": 516 * TEX_POINT_IN,
+    "acm-column": 3.33,
+    "acm-page": 7.0,
+}
 TEXT_POINTS, SMALL_POINTS = 8.0, 6.5
 # height of a line of TEXT_POINTS, and about the width of a character
 LINE_IN, CHARACTER_IN = 0.17, 0.058

@@ -1,4 +1,11 @@
-"""Mistakes in settings: what is wrong, and the path of the field."""
+"""Mistakes in settings: what is wrong, and the path of the field.
+
+Until the files that a scenario names are open, raise ``SettingError(path, text)``; afterwards, as
+when a run is prepared, ``raise scenario.error_at(path, text)``, a ``UserError`` that begins with
+the file, or the override, which set it. ``settings.read`` makes the former a ``UserError``, too.
+What a part raises that knows no path becomes a ``SettingError``: in the constructor of a settings
+class by ``settings.built``, elsewhere within ``scenario.checks.blamed_on(path)``.
+"""
 
 import re
 from collections.abc import Iterable, Sequence

@@ -1,17 +1,19 @@
-"""Settings: plain frozen dataclasses, read from the plain data of YAML and JSON, and written back.
+"""Settings: frozen dataclasses, read from plain data, which is what YAML and JSON hold (texts,
+numbers, truth values, null, lists, mappings), and written back.
 
 A field is a setting. Its annotation is its type, with the marks of ``base.marks`` in ``Annotated``
 where there is more to say. The end of its name is its unit (``delay_ns``); in YAML
 the name has none, but the value does (``delay: 0.2 ms``). The text below it is its description. The
-arguments of a plug-in's class are settings in the same way.
+arguments of a plug-in's class are settings in the same way. Below, an ``annotation`` is what Python
+has, a bare type or ``Annotated``; a ``Kind`` is an annotation taken apart.
 
 A class may have a class method ``expand``, which turns a short form into a mapping or an instance
 before it is read, and a method ``shorten``, which does the opposite. What its ``__post_init__``
 raises as ``SettingError`` is reported with the path of that field.
 
-A new type that a setting may have is a row of ``PLAIN``, or a case of ``_fits``, which tells it
-apart in a union; and, unless what YAML has is the value, a case of ``_value``, which reads it, of
-``_plain``, which writes it, and of ``scenario.schema._schema``, which tells editors of it.
+A new type that a setting may have is a row of ``YAML_FORMS``, or a case of ``_fits``, which tells
+it apart in a union; and, unless what YAML has is the value, a case of ``_value``, which reads it,
+of ``_written``, which writes it, and of ``scenario.schema._schema``, which tells editors of it.
 ``tests/scenario/test_kinds_of_settings.py`` takes every type through all of them.
 """
 
@@ -22,7 +24,7 @@ import importlib
 import inspect
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
@@ -33,7 +35,7 @@ from genie_sim.base.plugins import Choice, Parameter
 from genie_sim.base.setting_errors import SettingError, join, must, quoted
 from genie_sim.base.units import Quantity
 
-Settings = TypeVar("Settings")
+Instance = TypeVar("Instance")
 CLOSE = 0.75  # of difflib's ratio: above it a misspelt name, below it perhaps one of another place
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
 
@@ -41,9 +43,9 @@ REQUIRED = inspect.Parameter.empty  # the default of a setting that must be give
 # --- the settings of a class
 
 
-class Plain(NamedTuple):
-    """What stands in YAML for a type: what Python reads it as, its name in error lines and in JSON
-    Schema.
+class YamlForm(NamedTuple):
+    """What stands in YAML for a type: the classes that a YAML reader makes of it, its name in error
+    lines and in JSON Schema.
     """
 
     classes: tuple[type, ...]
@@ -55,15 +57,15 @@ class Plain(NamedTuple):
         return isinstance(value, self.classes) and isinstance(value, bool) is (bool in self.classes)
 
 
-PLAIN: Mapping[Any, Plain] = {
-    NoneType: Plain((NoneType,), "null", "null"),
-    bool: Plain((bool,), "true or false", "boolean"),
-    int: Plain((int,), "a whole number", "integer"),
-    float: Plain((int, float), "a number", "number"),
-    str: Plain((str,), "text", "string"),
-    Literal: Plain((str,), "text", "string"),
-    tuple: Plain((list, tuple), "a list", "array"),
-    Mapping: Plain((Mapping,), "a mapping", "object"),
+YAML_FORMS: Mapping[Any, YamlForm] = {
+    NoneType: YamlForm((NoneType,), "null", "null"),
+    bool: YamlForm((bool,), "true or false", "boolean"),
+    int: YamlForm((int,), "a whole number", "integer"),
+    float: YamlForm((int, float), "a number", "number"),
+    str: YamlForm((str,), "text", "string"),
+    Literal: YamlForm((str,), "text", "string"),
+    tuple: YamlForm((list, tuple), "a list", "array"),
+    Mapping: YamlForm((Mapping,), "a mapping", "object"),
 }
 
 
@@ -86,9 +88,9 @@ class Kind(NamedTuple):
         return cls(get_origin(annotation) or annotation, get_args(annotation), marks, name)
 
     @property
-    def plain(self) -> Plain | None:
+    def yaml_form(self) -> YamlForm | None:
         """What it is in YAML; ``None``: anything."""
-        return PLAIN.get(Mapping if is_mapping(self.type) else self.type)
+        return YAML_FORMS.get(Mapping if is_mapping(self.type) else self.type)
 
     @property
     def members(self) -> "list[Kind]":
@@ -170,29 +172,32 @@ def _signature(cls: Callable[..., Any]) -> inspect.Signature:
 Mark = TypeVar("Mark")
 
 
-def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
+def mark_in(annotation: Any, mark: type[Mark]) -> Mark | None:
     """The mark of this type in an annotation, also in members of a union or items of a list."""
-    for part in get_args(kind) if get_origin(kind) is not Literal else ():
+    for part in get_args(annotation) if get_origin(annotation) is not Literal else ():
         inner = part if isinstance(part, mark) else mark_in(part, mark)
         if inner is not None:
             return inner
     return None
 
 
-def is_mapping(kind: Any) -> bool:
-    """Whether a type is a mapping's."""
-    return isinstance(kind, type) and issubclass(kind, Mapping)
+def is_mapping(annotation: Any) -> bool:
+    """Whether an annotation without marks is a mapping's."""
+    return isinstance(annotation, type) and issubclass(annotation, Mapping)
 
 
-def is_settings_class(kind: Any) -> bool:
-    """Whether a type is a settings class, which a plug-in by name is not."""
-    return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
+def is_settings_class(annotation: Any) -> bool:
+    """Whether an annotation without marks is a settings class, which ``Choice`` of a plug-in is
+    not.
+    """
+    is_dataclass = isinstance(annotation, type) and dataclasses.is_dataclass(annotation)
+    return is_dataclass and annotation is not Choice
 
 
 # --- reading
 
 
-def read(cls: type[Settings], data: object, where: Callable[[str], str]) -> Settings:
+def read(cls: type[Instance], data: object, where: Callable[[str], str]) -> Instance:
     """The settings in ``data``, plain data as from YAML; ``where`` gives the file, or the option,
     that a field's path comes from. Raises ``UserError`` in one line, for the first mistake.
     """
@@ -203,27 +208,32 @@ def read(cls: type[Settings], data: object, where: Callable[[str], str]) -> Sett
         raise UserError(": ".join(part for part in parts if part)) from error
 
 
-def from_plain(cls: type[Settings], data: object) -> Settings:
+def from_plain(cls: type[Instance], data: object) -> Instance:
     """The settings in ``data``, plain data as from YAML. Raises ``SettingError``."""
-    settings: Settings = _class_value(cls, data, None)
+    settings: Instance = _class_value(cls, data, None)
     return settings
 
 
-def merged(base: Settings, data: Mapping[str, Any]) -> Settings:
+def merged(base: Instance, data: Mapping[str, Any]) -> Instance:
     """``base`` with what ``data`` sets otherwise, at any depth: a plug-in that is named anew brings
     its own settings. Raises ``SettingError``.
     """
-    settings: Settings = _class_value(type(base), data, base)
+    settings: Instance = _class_value(type(base), data, base)
     return settings
 
 
 def _value(kind: Kind, value: Any, base: object = None) -> Any:
     """The setting that YAML has as ``value``; what is left out is as in ``base``, a setting that
     was read before. Raises ``SettingError``.
+
+    Marks come first, since they change what a type is in YAML: the name of a plug-in is no text
+    like others, and a time, a whole number here, is a text there.
     """
     plug_in: PlugIn | None = kind.marks.get(PlugIn)
     if plug_in is not None and kind.type in (str, Choice):
         return plug_in.name(value) if kind.type is str else plug_in.read(value, base)
+    if Quantity in kind.marks and kind.type in (int, float):
+        return _quantity(kind, value)
     if kind.type in (Union, UnionType):
         return _value(_member(kind, value), value, base)
     if is_settings_class(kind.type):
@@ -232,29 +242,33 @@ def _value(kind: Kind, value: Any, base: object = None) -> Any:
         if value not in kind.arguments:
             raise SettingError("", unknown(kind.name, value, kind.arguments))
         return value
-    if Quantity in kind.marks and kind.type in (int, float):
-        return _quantity(kind, value)
-    plain = kind.plain
-    if plain is None:
+    form = kind.yaml_form
+    if form is None:
         return value
-    if not plain.holds(value):
-        raise must(f"be {plain.words}", value)
+    if not form.holds(value):
+        raise must(f"be {form.words}", value)
     if NotEmpty in kind.marks and not value:
         raise SettingError("", "must not be empty")
     if kind.type in (int, float):
         return _number(kind, value)
     if Matches in kind.marks and kind.type is str:
         _check_text(kind.marks[Matches], value)
-    elif kind.type is tuple and kind.arguments:
-        kinds = _kinds_of_items(kind, value)
-        if len(kinds) != len(value):
-            raise SettingError("", f"must hold {len(kinds)} values, not {len(value)}")
-        return tuple(_each(enumerate(value), lambda place, item: _value(kinds[place], item)))
-    elif kind.arguments:  # of a mapping
-        keys, items = kind.items
-        pairs = ((quoted(key), (key, item)) for key, item in value.items())
-        return dict(_each(pairs, lambda _, pair: (_value(keys, pair[0]), _value(items, pair[1]))))
-    return value
+    if not kind.arguments:
+        return value
+    return _list(kind, value) if kind.type is tuple else _mapping(kind, value)
+
+
+def _list(kind: Kind, value: Sequence[Any]) -> tuple[Any, ...]:
+    kinds = _kinds_of_items(kind, value)
+    if len(kinds) != len(value):
+        raise SettingError("", f"must hold {len(kinds)} values, not {len(value)}")
+    return tuple(_each(enumerate(value), lambda place, item: _value(kinds[place], item)))
+
+
+def _mapping(kind: Kind, value: Mapping[Any, Any]) -> dict[Any, Any]:
+    keys, items = kind.items
+    pairs = ((quoted(key), (key, item)) for key, item in value.items())
+    return dict(_each(pairs, lambda _, pair: (_value(keys, pair[0]), _value(items, pair[1]))))
 
 
 def _each(items: Iterable[tuple[Any, Any]], value: Callable[[Any, Any], Any]) -> list[Any]:
@@ -284,7 +298,7 @@ def _fits(kind: Kind, value: object) -> bool:
         short = hasattr(kind.type, "expand") and value is not None
         return short or isinstance(value, Mapping | kind.type)
     has_unit = Quantity in kind.marks and kind.type in (int, float)
-    return (kind.plain or PLAIN[str]).holds(value) or (has_unit and isinstance(value, str))
+    return (kind.yaml_form or YAML_FORMS[str]).holds(value) or (has_unit and isinstance(value, str))
 
 
 def _member(kind: Kind, value: object) -> Kind:
@@ -295,8 +309,9 @@ def _member(kind: Kind, value: object) -> Kind:
     first, *others = [member for member in kind.members if member.type is not NoneType]
     if not others:
         return first
-    words = [member.plain.words if member.plain else "a mapping" for member in (first, *others)]
-    raise must(f"be {' or '.join(words)}", value)
+    forms = [member.yaml_form for member in (first, *others)]
+    words = " or ".join(form.words if form else "a mapping" for form in forms)
+    raise must(f"be {words}", value)
 
 
 def _quantity(kind: Kind, value: Any) -> float:
@@ -376,7 +391,7 @@ def _values(
     return {**before, **dict(zip((setting.name for setting in asked), values, strict=True))}
 
 
-def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
+def built(cls: Callable[..., Instance], values: Mapping[str, Any]) -> Instance:
     """An instance of a class. Raises ``SettingError`` for what the class itself finds wrong."""
     try:
         return cls(**values)
@@ -455,7 +470,14 @@ class PlugIn:
         try:
             return plugins.checked_name(self.what, value, self.registry)
         except ValueError as error:
-            raise SettingError("", str(error)) from error
+            hint = ""
+            if (
+                self.presets is not None
+                and isinstance(value, str)
+                and value in self.presets.choices
+            ):
+                hint = f"; {value!r} is a {self.presets.what}: like: {value}"
+            raise SettingError("", f"{error}{hint}") from error
 
     def read(self, value: object, base: object = None) -> Choice:
         """A name or a mapping, completed by ``base`` unless it names a class, else by the defaults
@@ -468,29 +490,41 @@ class PlugIn:
             return value
         if isinstance(value, str) and self.presets is not None and not plugins.is_own(value):
             return self.presets.get(value)
-        if not isinstance(value, str | Mapping):
+        if isinstance(value, str):
+            return self._with(Choice(self.name(value)), {})
+        if not isinstance(value, Mapping):
             raise must("be a name or a mapping", value)
-        given = dict(value) if isinstance(value, Mapping) else {self.key: value}
-        if self.key in given or "like" in given or not isinstance(base, Choice):
-            base = None
-        named = given.pop(self.key, self.default) if base is None else base.name
+        given = dict(value)
+        if not isinstance(base, Choice) or given.keys() & {self.key, "like"}:
+            base = self._named(given)
+        return self._with(base, given)
+
+    def _named(self, given: dict[str, Any]) -> Choice:
+        """What completes a mapping that names a class, a preset or neither, whose names are taken
+        out of it: of ``{like: wifi, loss: 0.1}`` all settings of that preset, of ``{name: lru}``
+        nothing but the name.
+        """
         try:
-            name = self.name(named)
+            name = self.name(given.pop(self.key, self.default))
         except SettingError as error:
-            raise error.below(self.key if isinstance(value, Mapping) else "") from error
-        if base is None and self.presets is not None and name == self.default:
-            try:
-                base = self.presets.get(given.pop("like", self.presets.usual))
-            except SettingError as error:
-                raise error.below("like") from error
-        before = {} if base is None else dict(base.parameters)
+            raise error.below(self.key) from error
+        if self.presets is None or name != self.default:
+            return Choice(name)
+        try:
+            return self.presets.get(given.pop("like", self.presets.usual))
+        except SettingError as error:
+            raise error.below("like") from error
+
+    def _with(self, base: Choice, given: Mapping[str, Any]) -> Choice:
+        """``base`` with the settings ``given``, and the defaults of its class."""
+        name, before = base.name, base.parameters
         if name not in self.registry:
             for key, item in given.items():
                 if not isinstance(item, Parameter | list | Mapping):
                     raise must("be a number, true or false, text, a list or a mapping", item).below(
                         quoted(key)
                     )
-            return Choice(name, before | given)
+            return Choice(name, {**before, **given})
         cls = self.resolve(name)
         values = _arguments(cls, name, given, before=before, beside=self.keys_beside)
         built(cls, values)  # the class validates its own ranges
@@ -509,7 +543,7 @@ class PlugIn:
                 parameters = own_arguments(cls, choice)
         return plugins.call(self.what, choice.name, cls, **parameters)
 
-    def plain(self, value: Choice) -> Any:
+    def written(self, value: Choice) -> Any:
         """A choice as in YAML."""
         for name, preset in self.presets.choices.items() if self.presets else ():
             if value == preset:
@@ -581,8 +615,8 @@ def named_plug_ins(value: object, path: str = "") -> Iterator[NamedPlugIn]:
         yield from _plug_ins_of(setting.annotation, item, join(path, setting.key), path)
 
 
-def _plug_ins_of(kind: Any, item: object, path: str, parent: str) -> Iterator[NamedPlugIn]:
-    plug_in = mark_in(kind, PlugIn)
+def _plug_ins_of(annotation: Any, item: object, path: str, parent: str) -> Iterator[NamedPlugIn]:
+    plug_in = mark_in(annotation, PlugIn)
     if plug_in is not None and isinstance(item, Choice | str):
         if isinstance(item, str):
             yield NamedPlugIn(path, plug_in, Choice(item), name_alone=True)
@@ -590,7 +624,7 @@ def _plug_ins_of(kind: Any, item: object, path: str, parent: str) -> Iterator[Na
             yield NamedPlugIn(parent if plug_in.beside else path, plug_in, item)
     elif isinstance(item, tuple):
         for index, inner in enumerate(item):
-            yield from _plug_ins_of(kind, inner, f"{path}[{index}]", path)
+            yield from _plug_ins_of(annotation, inner, f"{path}[{index}]", path)
     elif is_settings_class(type(item)):
         yield from named_plug_ins(item, path)
 
@@ -600,41 +634,41 @@ def _plug_ins_of(kind: Any, item: object, path: str, parent: str) -> Iterator[Na
 
 def plain_data(value: object) -> Any:
     """Settings as plain data for YAML and JSON, every one written out; ``read`` reads them back."""
-    return _plain(Kind(type(value), (), {}, ""), value)
+    return _written(Kind(type(value), (), {}, ""), value)
 
 
 def plain_default(setting: Setting) -> Any:
     """The default of a setting as plain data."""
-    return _plain(setting.kind, setting.default)
+    return _written(setting.kind, setting.default)
 
 
-def _plain(kind: Kind, value: Any) -> Any:
+def _written(kind: Kind, value: Any) -> Any:
     """A setting as in YAML; what is of no such kind stays as it is."""
     if kind.type in (Union, UnionType):
         member = next((member for member in kind.members if _fits(member, value)), None)
-        return value if member is None else _plain(member, value)
+        return value if member is None else _written(member, value)
     if isinstance(value, Choice):
-        return kind.marks[PlugIn].plain(value)
+        return kind.marks[PlugIn].written(value)
     if is_settings_class(type(value)):
         if hasattr(value, "shorten"):
             return value.shorten()
         cls = type(value)
         return written(cls, {name: getattr(value, name) for name in names_of(cls)})
-    if Quantity in kind.marks and kind.type in (int, float) and PLAIN[float].holds(value):
+    if Quantity in kind.marks and kind.type in (int, float) and YAML_FORMS[float].holds(value):
         return kind.marks[Quantity].text(value)
     if isinstance(value, Mapping):
         items = kind.items[1] if len(kind.arguments) == 2 else kind
-        return {key: _plain(items, item) for key, item in value.items()}
+        return {key: _written(items, item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         kinds = _kinds_of_items(kind, value) if kind.arguments else [kind] * len(value)
-        return [_plain(of, item) for of, item in zip(kinds, value, strict=True)]
+        return [_written(of, item) for of, item in zip(kinds, value, strict=True)]
     return value
 
 
 def written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by their names in Python, as in YAML."""
     return {
-        setting.key: _plain(setting.kind, values[setting.name])
+        setting.key: _written(setting.kind, values[setting.name])
         for setting in settings_of(cls)
         if setting.name in values
     }

@@ -1,3 +1,1 @@
-"""The command line: its commands, their arguments, what it prints. It may import every room, and
-does so late.
-"""
+"""The command line: its commands, their arguments, what it prints. It imports other rooms late."""

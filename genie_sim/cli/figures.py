@@ -37,8 +37,8 @@ from genie_sim.cli.arguments import (
     "--width",
     metavar="NAME|INCHES",
     shell_complete=completion.widths,
-    help="Of a printed 'column' (3.5 in) or 'page' (7.16 in) of IEEE, or 'acm-column' (3.33 in) or"
-    " 'acm-page' (7 in), or in inches; default: what fits each.",
+    help="Of a printed 'column' (252 pt) or 'page' (516 pt) of IEEEtran, or 'acm-column' (3.33 in)"
+    " or 'acm-page' (7 in), or in inches; default: what fits each.",
 )
 @click.option(
     "--out",

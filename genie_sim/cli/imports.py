@@ -15,10 +15,10 @@ from genie_sim.cli.terminal import Commands
 class Importers(Commands):
     """Those of this package and of add-ons."""
 
-    add_ons = add_ons.IMPORTERS
+    add_on_group = add_ons.IMPORTERS
 
     def list_commands(self, ctx: Any) -> list[str]:
-        return [*super().list_commands(ctx), *add_ons.names(self.add_ons)]
+        return [*super().list_commands(ctx), *add_ons.names(self.add_on_group)]
 
 
 @click.group("import", cls=Importers)

@@ -45,7 +45,7 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 class AllCommands(Commands):
     """Those of this package, and those of add-ons by name."""
 
-    add_ons = add_ons.COMMANDS
+    add_on_group = add_ons.COMMANDS
 
 
 @click.group(

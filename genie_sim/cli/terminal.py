@@ -54,7 +54,7 @@ class Commands(click.Group):
     status 130, and a reader that has gone away ends it quietly.
     """
 
-    add_ons = ""  # the group of entry points through which packages add commands
+    add_on_group = ""  # the group of entry points through which packages add commands
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         """One of them, with its help under ``python -OO``, too."""
@@ -67,9 +67,9 @@ class Commands(click.Group):
 
     def get_command(self, ctx: Any, cmd_name: str) -> click.Command | None:
         own = super().get_command(ctx, cmd_name)
-        if own is not None or not self.add_ons or ctx.resilient_parsing:
+        if own is not None or not self.add_on_group or ctx.resilient_parsing:
             return own
-        command: click.Command | None = add_ons.offered(self.add_ons, cmd_name)
+        command: click.Command | None = add_ons.offered(self.add_on_group, cmd_name)
         return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

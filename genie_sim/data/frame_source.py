@@ -3,7 +3,7 @@ that it gives to cars. ``sources`` has the shipped ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.grid import Area
@@ -35,6 +35,16 @@ class Drive:
     """A method that gives east and north of the car [m] so many nanoseconds after it starts;
     ``None`` where its place is known only when a frame was taken.
     """
+
+
+class EncodedDrive(Protocol):
+    """A drive with its pictures encoded and decoded; ``digest`` tells it from others."""
+
+    @property
+    def frames(self) -> Mapping[str, Sequence[Frame]]: ...
+
+    @property
+    def digest(self) -> str: ...
 
 
 class Drives:
@@ -80,7 +90,7 @@ class Drives:
         """
         return None
 
-    def encoded(self, car: str, encoding: Encoding) -> Drive | None:
+    def encoded(self, car: str, encoding: Encoding) -> EncodedDrive | None:
         """The drive of a car, by its name, with its pictures encoded and decoded, such as
         ``jpeg90``; ``None`` where there are no pictures. Raises ``UserError``.
         """

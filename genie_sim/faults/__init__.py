@@ -1,3 +1,3 @@
-"""Faults: what goes wrong in a run, one file each. ``sim.fault`` says what one is, and names them.
-They may import ``base``, ``core`` and ``sim``.
+"""Faults: what goes wrong in a run, one file each. ``sim.fault`` says what one is, and names
+them.
 """

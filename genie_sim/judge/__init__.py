@@ -1,3 +1,1 @@
-"""What was really there: what consumers hold, and answers, compared with the truth. It may import
-``base``, ``core`` and ``record``.
-"""
+"""What was really there: what consumers hold, and answers, compared with the truth."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from genie_sim.base.matching import SAME_M
-from genie_sim.judge.joins import GroupedPlaces, matches, near
-from genie_sim.judge.objects import Objects
+from genie_sim.judge.joins import Array, GroupedPlaces, matches, near, pair_codes
+from genie_sim.judge.objects import LabelCodes, ShownObjects
 from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.log import ComparedAnswer
 from genie_sim.record.tables import Table
@@ -17,15 +17,12 @@ WINDOW = 1024  # answers that are compared at once
 
 
 class Agreement:
-    """Writes rows of ``answers`` about one method, a window of answers at once.
+    """Writes rows of ``answers`` about one method, a window of answers at once."""
 
-    ``objects`` numbers the objects of answers, perhaps for others, too.
-    """
-
-    def __init__(self, method: str, table: Table, objects: Objects, window: int = WINDOW) -> None:
+    def __init__(self, method: str, table: Table, window: int = WINDOW) -> None:
         self._method = method
         self._table = table
-        self._objects = objects
+        self._labels = LabelCodes()
         self._window = window
         self._answers: list[ComparedAnswer] = []
 
@@ -33,24 +30,27 @@ class Agreement:
         """Notes an answer; answers come in order."""
         self._answers.append(answer)
         if len(self._answers) >= self._window:
-            self.close()
+            self._write()
 
     def close(self) -> None:
-        """Writes the rows of all answers so far."""
+        """There are no more answers."""
+        self._write()
+
+    def _write(self) -> None:
+        """Writes the rows of the window."""
         answers, self._answers = self._answers, []
-        objects = self._objects
-        objects.begin_window()
-        sides = [answer.served for answer in answers], [answer.detected for answer in answers]
-        (served, of_served), (detected, of_detected) = map(objects.numbers, sides)
-        known, classes = objects.columns(), len(objects.labels)
-        places = []
-        for number, counts in ((served, of_served), (detected, of_detected)):
-            group = np.repeat(np.arange(len(answers)), counts) * classes + known.class_[number]
-            places.append(GroupedPlaces(group, known.east_m[number], known.north_m[number]))
-        pairs = near(places[0], places[1], SAME_M)
+        served, of_served = ShownObjects.of([answer.served for answer in answers], self._labels)
+        detected, of_detected = ShownObjects.of(
+            [answer.detected for answer in answers], self._labels
+        )
+        answer_of = np.repeat(np.arange(len(answers)), of_served)
+        pairs = near(
+            self._places(served, answer_of),
+            self._places(detected, np.repeat(np.arange(len(answers)), of_detected)),
+            SAME_M,
+        )
         pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2)))
-        of_pair = places[0].group[pairs.ours[matches(pairs)]] // max(classes, 1)
-        matched = np.bincount(of_pair, minlength=len(answers))
+        matched = np.bincount(answer_of[pairs.ours[matches(pairs)]], minlength=len(answers))
         rows = np.repeat(np.arange(len(answers)), [len(answer.which) for answer in answers])
         headers = [answer.header for answer in answers]
         columns = {
@@ -65,6 +65,11 @@ class Agreement:
             "matched": matched[rows],
         }
         self._table.extend_columns(Columns(columns))
+
+    def _places(self, objects: ShownObjects, answer: Array) -> GroupedPlaces:
+        """Where objects are; those of one answer and class are a group."""
+        group = pair_codes(answer, objects.class_, len(self._labels.codes))
+        return GroupedPlaces(group, objects.east_m, objects.north_m)
 
 
 def _text(values: Sequence[str]) -> Text:

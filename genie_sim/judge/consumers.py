@@ -5,7 +5,15 @@ compared with the truth of that very instant, not with that of the frames that i
 about: a late answer counts as a wrong one (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towards
 Streaming Perception", ECCV 2020).
 
-During the run scenes and answers are only noted; a window of them is judged at once.
+During the run scenes and answers are only noted; a window of them is judged at once. Its arrays
+hold indices and codes:
+
+- a *scene* is a row of ``SceneViews``: one car, one frame, one list of objects, those of the
+  consumer or those of the zero-delay detector. An *instant* has one scene of a consumer, and one of
+  the detector unless an earlier method had it;
+- a *camera* is a code of a car and a stream, a *turn* the number of an instant among its camera's;
+- *label* and *class_* are codes of names, which share one numbering (``LabelCodes``); *car* is the
+  number of a car, *place* a code of a class and a place (``RecentPlaces``).
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -16,11 +24,19 @@ import numpy as np
 from genie_sim.core.messages import Detections, Image
 from genie_sim.judge.held import Held, shown_objects
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
-from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
-from genie_sim.judge.objects import Objects
+from genie_sim.judge.joins import (
+    Array,
+    GroupedPlaces,
+    Pairs,
+    matches,
+    near,
+    pair_codes,
+    turns,
+)
+from genie_sim.judge.objects import LabelCodes
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
-from genie_sim.record.columns import Columns, Text
+from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.records import CONSUMER, JUDGED, ZERO_DELAY
 from genie_sim.record.tables import Table
 from genie_sim.tracks.consumer import Consumer, Newest, Shown
@@ -32,13 +48,12 @@ RIGHT, MISSED, MOVED_AWAY, NEVER_THERE, DUPLICATE, HIDDEN = range(len(JUDGEMENTS
 
 
 class _Judged(NamedTuple):
-    """The objects that are held in view: what they are, the code of the label and how each is
-    judged; then the pairs with visible objects, scene by scene and nearest first, and which of them
-    match.
+    """The objects that are held in view, and how each (n,) is judged, an index of ``JUDGEMENTS``;
+    then the pairs with visible objects, scene by scene and nearest first, and which of these
+    (pairs,) match.
     """
 
     items: Held
-    label: Array
     judgement: Array
     pairs: Pairs
     is_match: Array
@@ -68,11 +83,6 @@ class ConsumerJudge:
     window : int, optional
         How many scenes are judged at once; does not change results. By default as many as pay: some
         of each car.
-
-    Attributes
-    ----------
-    objects : Objects
-        Numbers what answers show.
     """
 
     def __init__(
@@ -100,14 +110,18 @@ class ConsumerJudge:
             car: next(place for place, other in enumerate(truths.values()) if other is truth)
             for car, truth in truths.items()
         }
-        self.objects = Objects()
-        self._cars, self._labels = self.objects.cars, self.objects.labels
+        self._labels = LabelCodes()
+        self._cars: Codes = Codes()
         self._cars.update((car, number) for number, car in enumerate(truths))
         self._recent_places = RecentPlaces()
         self._spans: HeldSpans | None = None
         if held_objects is not None:
             self._spans = HeldSpans(
-                method, held_objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
+                method,
+                held_objects,
+                cars=self._cars,
+                labels=self._labels.codes,
+                judgements=JUDGEMENTS,
             )
         # of this window
         self._scenes: list[JudgedScene] = []
@@ -144,9 +158,8 @@ class ConsumerJudge:
 
     def _judge(self) -> None:
         """Writes the rows of the window."""
-        self.objects.begin_window()
         views = SceneViews.of(self._scenes, self._cars)
-        visible = Visible.of(self._scenes, self.objects, self._recent_places.codes)
+        visible = Visible.of(self._scenes, self._labels, self._recent_places.codes)
         visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
         judged = self._compare(views, visible)
         self._count(views, visible, judged)
@@ -155,89 +168,84 @@ class ConsumerJudge:
         self._scenes = []
 
     def _compare(self, views: SceneViews, visible: Visible) -> _Judged:
-        """Judges each object in view, of a class that the truth knows."""
-        objects = self.objects
-        shown = (scene.shown for scene in self._scenes)
-        items = shown_objects(objects, zip(views.now_ns.tolist(), shown, strict=True))
-        known = objects.columns().rows(items.number)
-        is_judged = views.see(items.scene, items.east_m, items.north_m)
-        is_judged &= self._knows(views.car[items.scene], known.label)
-        items, known = items.rows(is_judged), known.rows(is_judged)
+        """Judges each object in view, of a class that the truth knows.
 
-        pairs = self._pairs(items, known.class_, visible, reach_m=float(views.tolerance_m.max()))
-        tolerance_m = views.tolerance_m[items.scene]
-        within = np.flatnonzero(pairs.distance_m2 <= (tolerance_m * tolerance_m)[pairs.ours])
+        What is held right has a match; what is near a visible object without one is held twice;
+        what remains is there, but hidden, or was there lately, or never was.
+        """
+        shown = (scene.shown for scene in self._scenes)
+        items = shown_objects(zip(views.now_ns.tolist(), shown, strict=True), self._labels)
+        is_judged = views.see(items.scene, items.east_m, items.north_m)
+        is_judged &= self._knows(views.car[items.scene], items.label)
+        items = items.rows(is_judged)
+        pairs = self._pairs(items, visible, views.tolerance_m)
         is_match = np.zeros(len(pairs.ours), dtype=bool)
-        is_match[within[matches(pairs.rows(within))]] = True
+        is_match[matches(pairs)] = True
 
         judgement = np.full(len(items.scene), NEVER_THERE)
-        judgement[pairs.ours[within]] = DUPLICATE
+        judgement[pairs.ours] = DUPLICATE
         judgement[pairs.ours[is_match]] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
-        places = GroupedPlaces(known.class_, items.east_m, items.north_m)
-        hidden = self._are_there(items.scene[others], places.rows(others))
-        judgement[others[hidden]] = HIDDEN
+        judgement[others[self._are_there(items.rows(others))]] = HIDDEN
         others = np.flatnonzero(judgement == NEVER_THERE)
-        moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
-        judgement[others[moved_away]] = MOVED_AWAY
-        return _Judged(
-            items=items,
-            label=known.label,
-            judgement=judgement,
-            pairs=pairs,
-            is_match=is_match,
-        )
+        judgement[others[self._were_there(views, visible, items.rows(others))]] = MOVED_AWAY
+        return _Judged(items=items, judgement=judgement, pairs=pairs, is_match=is_match)
 
-    def _pairs(self, items: Held, class_: Array, visible: Visible, reach_m: float) -> Pairs:
-        """The pairs of a held and a visible object of one class, scene by scene, nearest first."""
-        classes = len(self._labels)
+    def _pairs(self, items: Held, visible: Visible, tolerance_m: Array) -> Pairs:
+        """The pairs of a held and a visible object of one scene and class, within the tolerance of
+        the scene (scenes,), scene by scene, nearest first.
+        """
+        classes = len(self._labels.codes)
+        held_group = pair_codes(items.scene, items.class_, classes)
+        visible_group = pair_codes(visible.scene, visible.class_, classes)
         pairs = near(
-            GroupedPlaces(items.scene * classes + class_, items.east_m, items.north_m),
-            GroupedPlaces(
-                visible.scene * classes + visible.class_, visible.east_m, visible.north_m
-            ),
-            reach_m,
+            GroupedPlaces(held_group, items.east_m, items.north_m),
+            GroupedPlaces(visible_group, visible.east_m, visible.north_m),
+            float(tolerance_m.max()),
         )
         scene = items.scene[pairs.ours]
-        return pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
+        order = np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene))
+        is_within = pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene]
+        return pairs.rows(order[is_within[order]])
 
     def _knows(self, car: Array, label: Array) -> Array:
-        """Which labels the truths of the cars know."""
-        truths, labels = list(self._truths.values()), list(self._labels)
-        codes = car * len(labels) + label
-        flags = np.zeros(len(truths) * len(labels), dtype=bool)
-        for code in np.flatnonzero(np.bincount(codes)).tolist():
-            flags[code] = truths[code // len(labels)].knows(labels[code % len(labels)])
-        result: Array = flags[codes]
+        """Which of (n,) labels the truth of the car knows, given their codes and the cars'."""
+        truths, labels = list(self._truths.values()), list(self._labels.codes)
+        is_known = np.zeros((len(truths), len(labels)), dtype=bool)
+        is_known[car, label] = True  # asked about
+        for of_car, of_label in np.argwhere(is_known).tolist():
+            is_known[of_car, of_label] = truths[of_car].knows(labels[of_label])
+        result: Array = is_known[car, label]
         return result
 
-    def _are_there(self, scene: Array, places: GroupedPlaces) -> Array:
-        """Whether anything of a class, visible or not, is at each place in its scene."""
-        result = np.zeros(len(scene), dtype=bool)
-        labels = list(self._labels)
-        of_scene = np.array([self._truth_of[of.image.header.origin] for of in self._scenes])
-        order = np.argsort(of_scene[scene], kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(of_scene[scene[order]])) + 1):
-            scenes = [self._scenes[at] for at in scene[rows].tolist()]
-            if scenes:
-                frames = [of.image.content for of in scenes]
-                of_rows = [labels[code] for code in places.group[rows].tolist()]
-                result[rows] = scenes[0].truth.are_there(
-                    frames, of_rows, places.east_m[rows], places.north_m[rows]
-                )
+    def _are_there(self, items: Held) -> Array:
+        """Whether anything of its class, visible or not, is where each (n,) is held."""
+        result = np.zeros(len(items.scene), dtype=bool)
+        labels = list(self._labels.codes)
+        truth_of_scene = [self._truth_of[scene.image.header.origin] for scene in self._scenes]
+        truth = np.array(truth_of_scene)[items.scene]
+        for number in np.unique(truth).tolist():
+            rows = np.flatnonzero(truth == number)
+            scenes = [self._scenes[scene] for scene in items.scene[rows].tolist()]
+            result[rows] = scenes[0].truth.are_there(
+                [scene.image.content for scene in scenes],
+                [labels[class_] for class_ in items.class_[rows].tolist()],
+                items.east_m[rows],
+                items.north_m[rows],
+            )
         return result
 
-    def _were_there(
-        self, views: SceneViews, visible: Visible, scene: Array, places: GroupedPlaces
-    ) -> Array:
-        """Whether anything of a class was visible at each place lately, before its scene."""
+    def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> Array:
+        """Whether anything of its class was visible lately, before the scene, where each (n,) is
+        held.
+        """
         # What the consumer holds and what is found without delay are judged at one instant.
         instant = np.cumsum(views.is_consumer) - 1
         seen = visible.rows(views.is_consumer[visible.scene])
         return self._recent_places.were_there(
-            places,
-            tolerance_m=views.tolerance_m[scene],
-            instant=instant[scene],
+            GroupedPlaces(items.class_, items.east_m, items.north_m),
+            tolerance_m=views.tolerance_m[items.scene],
+            instant=instant[items.scene],
             visible=np.stack([seen.place, instant[seen.scene]]),
             now_ns=views.now_ns[views.is_consumer],
         )
@@ -303,12 +311,17 @@ class ConsumerJudge:
             camera=camera[scene],
             turn=turn[scene],
             order=np.arange(len(scene)),
-            label=np.concatenate([judged.label[is_held], missed.label]),
+            label=np.concatenate([items.label[is_held], missed.label]),
             east_m=np.concatenate([items.east_m[is_held], missed.east_m]),
             north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
             judgement=np.append(judged.judgement[is_held], np.full(len(missed.scene), MISSED)),
         )
-        spans.add(objects, camera[instants], turn[instants], views.now_ns[instants])
+        spans.add(
+            objects,
+            camera_of=camera[instants],
+            turn_of=turn[instants],
+            now_ns=views.now_ns[instants],
+        )
 
 
 def _per_scene(scene: Array, selection: Array, scenes: int) -> Array:

@@ -6,27 +6,28 @@ more. Of two objects of a label within a metre in different answers the first co
 answer are different objects, however near: people walk side by side.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.core.messages import Detection
-from genie_sim.judge.joins import Array, GroupedPlaces, near
-from genie_sim.judge.objects import Objects
+from genie_sim.judge.joins import Array, GroupedPlaces, near, pair_codes
+from genie_sim.judge.objects import LabelCodes, ShownObjects
+from genie_sim.judge.scenes import in_field_of_view
 from genie_sim.tracks.consumer import Shown
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track import COAST_NS, NEAR_M
 
 
 class Held(NamedTuple):
-    """Objects that are held, scene by scene, in their order: the index of the scene, the object's
-    number, and where it is then [m].
+    """Columns (n,), a row per object that is held, scene by scene, in their order: the index of the
+    scene, codes of its label and class, and where it is then [m].
     """
 
     scene: Array
-    number: Array
+    label: Array
+    class_: Array
     east_m: Array
     north_m: Array
 
@@ -35,7 +36,7 @@ class Held(NamedTuple):
         return Held(*(column[selection] for column in self))
 
 
-def shown_objects(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Held:
+def shown_objects(scenes: Iterable[tuple[int, Sequence[Shown]]], labels: LabelCodes) -> Held:
     """Returns what is held in each scene: its time [ns], and what answers show then."""
     lists: list[Sequence[Detection]] = []
     shown: list[tuple[int, int, int]] = []  # scene and rank of each list, for how long it holds
@@ -48,22 +49,18 @@ def shown_objects(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]
             if part.valid_ns is not None and part.viewer is not None:
                 views.append((scene, rank, part.viewer))
     scene_of, rank_of, age_ns = np.array(shown, dtype=np.int64).reshape(-1, 3).T
-    number, counts = objects.numbers(lists)
+    objects, counts = ShownObjects.of(lists, labels)
     at, ranks = np.repeat(scene_of, counts), np.repeat(rank_of, counts)
-    known = objects.columns()
-    east_m, north_m = known.east_m[number], known.north_m[number]
+    east_m, north_m = objects.east_m, objects.north_m
     is_held = ~_decided(at, ranks, np.stack([east_m, north_m]), views)
     if age_ns.any():
         dt_s = np.minimum(np.repeat(age_ns, counts), COAST_NS) * 1e-9
-        east_m = east_m + known.velocity_east_mps[number] * dt_s
-        north_m = north_m + known.velocity_north_mps[number] * dt_s
+        east_m = east_m + objects.velocity_east_mps * dt_s
+        north_m = north_m + objects.velocity_north_mps * dt_s
     if ranks.any():
-        _drop_repeated(
-            is_held,
-            ranks,
-            GroupedPlaces(at * len(objects.labels) + known.label[number], east_m, north_m),
-        )
-    return Held(at, number, east_m, north_m).rows(is_held)
+        group = pair_codes(at, objects.label, len(labels.codes))
+        _drop_repeated(is_held, ranks, GroupedPlaces(group, east_m, north_m))
+    return Held(at, objects.label, objects.class_, east_m, north_m).rows(is_held)
 
 
 def _decided(
@@ -74,28 +71,24 @@ def _decided(
     Parameters
     ----------
     scene, rank : array
-        Of each object its scene, and the rank of the answer that shows it.
+        Of each of (n,) objects its scene, and the rank of the answer that shows it.
     places_m : array
-        East and north, (2, n).
+        East and north [m], (2, n).
     views : sequence of tuple
         Scene, rank and viewer of the answers that show all in view.
     """
     decided = np.zeros(len(scene), dtype=bool)
     for of_rank in sorted({rank for _, rank, _ in views}):
-        sectors = np.full((int(scene.max(initial=0)) + 1, 5), np.nan)
+        # of each scene the camera's place, heading and half of its field of view; NaN sees nothing
+        cameras = np.full((int(scene.max(initial=0)) + 1, 4), np.nan)
         for of_scene, viewer_rank, viewer in views:
-            if viewer_rank == of_rank and of_scene < len(sectors):
-                pose, half_rad = viewer.pose, max(viewer.horizontal_fov_rad / 2, 0.0)
-                min_cosine = math.cos(half_rad) if half_rad < math.pi else -2.0
-                ahead = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-                sectors[of_scene] = (pose.east_m, pose.north_m, *ahead, min_cosine)
+            if viewer_rank == of_rank and of_scene < len(cameras):
+                east_m, north_m, _, heading_rad = viewer.pose
+                cameras[of_scene] = east_m, north_m, heading_rad, viewer.horizontal_fov_rad / 2
         later = np.flatnonzero(rank > of_rank)
-        from_east_m, from_north_m, ahead_east, ahead_north, min_cosines = sectors[scene[later]].T
-        east_m, north_m = places_m[0, later] - from_east_m, places_m[1, later] - from_north_m
-        ahead_m = east_m * ahead_east + north_m * ahead_north
-        decided[later] |= ((ahead_m >= 0.0) | (min_cosines < 0.0)) & (
-            ahead_m >= min_cosines * np.hypot(east_m, north_m)
-        )
+        camera = cameras[scene[later]].T
+        away_east_m, away_north_m = places_m[:, later] - camera[:2]
+        decided[later] |= in_field_of_view(away_east_m, away_north_m, camera[2], camera[3])
     return decided
 
 

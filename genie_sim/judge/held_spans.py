@@ -11,9 +11,10 @@ from genie_sim.record.tables import Table
 
 
 class JudgedObjects(NamedTuple):
-    """Objects that are held or missed, one row each: which camera looks (``HeldSpans.cameras``), at
-    which of its instants, the order among the objects of the instant, a code of the label, where it
-    is [m], and the index of the judgement.
+    """Columns (n,), a row per object that is held or missed: which camera looks
+    (``HeldSpans.cameras``), at which of its instants in the window, its first being turn 0, the
+    order among the objects of the instant, a code of the label, where it is [m], and the index of
+    the judgement.
     """
 
     camera: Array
@@ -69,15 +70,26 @@ class HeldSpans:
         # by camera: what was held or missed at its last instant, and since when [ns]
         self._open: dict[int, tuple[JudgedObjects, Array]] = {}
 
-    def add(self, judged: JudgedObjects, camera: Array, turn: Array, now_ns: Array) -> None:
-        """The objects of a window, and of each instant its camera, its number among those of the
-        camera, and its time [ns].
+    def add(
+        self, judged: JudgedObjects, *, camera_of: Array, turn_of: Array, now_ns: Array
+    ) -> None:
+        """Adds the objects of a window, and of each instant (instants,) its camera, its turn, which
+        is its number among those of the camera, and its time [ns].
+
+        A span ends at the turn after its last one, or stays open where the window has none. Four
+        rows of one object and one camera, whose turns 0 to 4 are at 100 to 500 ms; turn -1 is the
+        last one before the window, in which it has been open since 70 ms::
+
+            turn            -1     0     2     4
+            begin [ms]      70   100   300   500
+            last turn              0     2     4
+            span is since         70   300   500
+            next turn              1     3     5
+            span ends            200   400  open
         """
-        # The instants by camera and turn; turn -1 is the camera's last one before the window.
-        instants = np.full((int(camera.max()) + 1, int(turn.max()) + 2), NONE)
-        instants[camera, turn] = np.arange(len(turn))
+        instants = _by_turn(camera_of, turn_of)
         begin_ns = now_ns[instants[judged.camera, judged.turn]]
-        spans, begin_ns = _spans(*self._with_open(judged, begin_ns, camera))
+        spans, begin_ns = _spans(*self._with_open(judged, begin_ns, camera_of))
 
         end = instants[spans.camera, spans.turn + 1]
         over = np.flatnonzero(end != NONE)
@@ -126,6 +138,18 @@ class HeldSpans:
             "end_ns": end_ns,
         }
         self._table.extend_columns(Columns(columns))
+
+
+def _by_turn(camera: Array, turn: Array) -> Array:
+    """The index of the instant at each turn of each camera, (cameras, turns + 1), or ``NONE``.
+
+    >>> _by_turn(np.array([0, 1, 0]), np.array([0, 0, 1]))
+    array([[ 0,  2, -1],
+           [ 1, -1, -1]])
+    """
+    instants = np.full((int(camera.max()) + 1, int(turn.max()) + 2), NONE)
+    instants[camera, turn] = np.arange(len(turn))
+    return instants
 
 
 def _spans(judged: JudgedObjects, begin_ns: Array) -> tuple[JudgedObjects, Array]:

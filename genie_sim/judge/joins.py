@@ -22,6 +22,15 @@ class GroupedPlaces(NamedTuple):
         return GroupedPlaces(*(column[selection] for column in self))
 
 
+def pair_codes(first: Array, second: Array, count: int) -> Array:
+    """One number for each pair (n,) of a ``first`` and a ``second``, which is below ``count``:
+    pairs are equal if their numbers are, and numbers sort as pairs do. ``np.divmod`` by ``count``
+    gives the pair back.
+    """
+    codes: Array = first * count + second
+    return codes
+
+
 class Pairs(NamedTuple):
     """Pairs out of two lists: their indices, and the squared distance [m2] of each."""
 

@@ -5,11 +5,12 @@ from itertools import islice
 import numpy as np
 
 from genie_sim.base.units import NS_PER_S
-from genie_sim.judge.joins import Array, GroupedPlaces, near
+from genie_sim.judge.joins import Array, GroupedPlaces, near, pair_codes
 from genie_sim.record.columns import Codes
 
 REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
 _NEVER_NS = -(2**62)
+_NONE = -1  # the index of no instant
 
 
 class RecentPlaces:
@@ -34,30 +35,28 @@ class RecentPlaces:
         visible: Array,
         now_ns: Array,
     ) -> Array:
-        """Returns of each place whether anything of its class was visible within reach of it at an
-        instant before, in the last 10 s.
+        """Returns of each place (n,) whether anything of its class was visible within its tolerance
+        at an instant before, at most ``REMEMBERED_NS`` ago.
 
         Parameters
         ----------
         places : GroupedPlaces
             The places, grouped by the codes of their classes.
         tolerance_m, instant : array
-            How far away counts [m], and the index of the instant, place by place.
+            How far away counts [m], and the index of the instant, place by place (n,).
         visible : array
-            Of this window: codes of places where objects are visible and, beside them, indices of
+            Of this window (2, visible): codes of places where objects are visible, and indices of
             the instants, in their order.
         now_ns : array
-            The time of each instant [ns]; they come in order.
+            The time of each instant [ns] (instants,); they come in order.
         """
         self._add_new()
         code, at = visible
         result = np.zeros(len(tolerance_m), dtype=bool)
         if len(result) and len(self):
-            asked, found = self._near(places, tolerance_m)
-            keys = np.append(np.sort(code * len(now_ns) + at), -1)
-            before = keys[np.searchsorted(keys[:-1], found * len(now_ns) + instant[asked]) - 1]
-            of_place, earlier = np.divmod(before, len(now_ns))
-            last_ns = np.where(of_place == found, now_ns[earlier], self._last_ns[found])
+            asked, near_code = self._near(places, tolerance_m)
+            before = _last_before(visible, np.stack([near_code, instant[asked]]), len(now_ns))
+            last_ns = np.where(before == _NONE, self._last_ns[near_code], now_ns[before])
             result[asked[last_ns >= now_ns[instant[asked]] - REMEMBERED_NS]] = True
         self._last_ns[code] = now_ns[at]  # of equal places the last one counts
         self._forget(int(now_ns[-1]) - REMEMBERED_NS)
@@ -90,3 +89,18 @@ class RecentPlaces:
             self.codes.clear()
             self.codes.update((name, code) for code, name in enumerate(kept))
             self._places, self._last_ns = self._places[remembered], self._last_ns[remembered]
+
+
+def _last_before(visible: Array, asked: Array, instants: int) -> Array:
+    """The last instant before at which something was visible at a place, or ``_NONE``.
+
+    ``visible`` (2, visible) and ``asked`` (2, n) are codes of places and indices of instants, of
+    which there are so many. Place 7 was visible at 0 and 3; at 3 the last instant before is 0:
+
+    >>> _last_before(np.array([[7, 7], [0, 3]]), np.array([[7, 7, 8], [3, 0, 3]]), 4)
+    array([ 0, -1, -1])
+    """
+    events = np.sort(pair_codes(visible[0], visible[1], instants))
+    place, at = np.divmod(np.append(_NONE, events), instants)  # place -1 is none of those asked for
+    row = np.searchsorted(events, pair_codes(asked[0], asked[1], instants))
+    return np.where(place[row] == asked[0], at[row], _NONE)

@@ -8,7 +8,7 @@ import numpy as np
 
 from genie_sim.core.messages import Frame, Image, Location
 from genie_sim.judge.joins import Array
-from genie_sim.judge.objects import Objects
+from genie_sim.judge.objects import LabelCodes
 from genie_sim.record.columns import Codes
 from genie_sim.tracks.consumer import Shown
 
@@ -31,7 +31,8 @@ class RealObject(Protocol):
 class DriveTruth(Protocol):
     """What is really there on one car's drive.
 
-    It is asked after the instants that it is asked about.
+    It is asked after the instants that it is asked about. Labels are those of detections; what has
+    the same class (``base.classes.class_of``) is the same.
     """
 
     @property
@@ -68,8 +69,8 @@ class JudgedScene(NamedTuple):
 
 
 class Visible(NamedTuple):
-    """What can be seen, scene by scene: the index of the scene, codes of the label, of the class
-    and of the place, whether it moves, and where it is [m].
+    """Columns (n,), a row per object that can be seen, scene by scene: the index of the scene,
+    codes of the label, of the class and of the place, whether it moves, and where it is [m].
     """
 
     scene: Array
@@ -81,7 +82,7 @@ class Visible(NamedTuple):
     north_m: Array
 
     @classmethod
-    def of(cls, scenes: Sequence[JudgedScene], objects: Objects, places: Codes) -> "Visible":
+    def of(cls, scenes: Sequence[JudgedScene], labels: LabelCodes, places: Codes) -> "Visible":
         """All that can be seen in some scenes, in the field of view or not, with codes of labels
         and classes, and of a class's code and a place.
         """
@@ -92,7 +93,7 @@ class Visible(NamedTuple):
             if scene.image is not image:  # it is the same where two are judged at an instant
                 image, things = scene.image, []
                 for thing in scene.truth.visible(image.content):
-                    label, class_ = objects.classes[thing.label]
+                    label, class_ = labels[thing.label]
                     east_m, north_m, _ = thing.location
                     place = places[class_, east_m, north_m]
                     things.append((label, class_, place, thing.moving, east_m, north_m))
@@ -107,8 +108,9 @@ class Visible(NamedTuple):
 
 
 class SceneViews(NamedTuple):
-    """Of each scene: its time [ns], the car's number, whether it is about a consumer, the camera's
-    place [m] and heading and half of its field of view [rad], and the truth's reach and range [m].
+    """Columns (scenes,): the time [ns], the car's number, whether it is about a consumer, the
+    camera's place [m], heading and half of its field of view [rad], and the tolerance and range [m]
+    of the truth.
     """
 
     now_ns: Array
@@ -138,11 +140,25 @@ class SceneViews(NamedTuple):
         )
 
     def see(self, scene: Array, east_m: Array, north_m: Array) -> Array:
-        """Which places are in the horizontal field of view of their scene, and near enough."""
+        """Which places [m] (n,) are in the field of view of their scene, of which ``scene`` (n,)
+        has the index, and near enough.
+        """
         away_east_m, away_north_m = east_m - self.east_m[scene], north_m - self.north_m[scene]
         distance_m2 = away_east_m * away_east_m + away_north_m * away_north_m
-        turn_rad = np.arctan2(away_north_m, away_east_m) - self.heading_rad[scene]
-        turn_rad -= math.tau * np.rint(turn_rad / math.tau)
-        in_view: Array = np.abs(turn_rad) <= self.half_fov_rad[scene] + BORDER_RAD
+        in_view = in_field_of_view(
+            away_east_m, away_north_m, self.heading_rad[scene], self.half_fov_rad[scene]
+        )
         in_view &= distance_m2 <= self.range_m[scene] * self.range_m[scene]
         return in_view
+
+
+def in_field_of_view(
+    away_east_m: Array, away_north_m: Array, heading_rad: Array, half_fov_rad: Array
+) -> Array:
+    """Which of (n,) places, so far away from their cameras, are in the horizontal field of view;
+    no camera with a NaN sees any.
+    """
+    turn_rad = np.arctan2(away_north_m, away_east_m) - heading_rad
+    turn_rad -= math.tau * np.rint(turn_rad / math.tau)
+    in_view: Array = np.abs(turn_rad) <= half_fov_rad + BORDER_RAD
+    return in_view

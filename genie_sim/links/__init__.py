@@ -1,4 +1,3 @@
 """Link models, one file each: how long a message occupies a link, when it arrives, and whether it
-is lost. ``sim.link_model`` says what one is, and names them. They may import ``base``, ``core`` and
-``sim``.
+is lost. ``sim.link_model`` says what one is, and names them.
 """

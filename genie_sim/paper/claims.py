@@ -230,6 +230,14 @@ def sentences(rows: Sequence[Row]) -> list[str]:
     ]
 
 
+def total(rows: Sequence[Row]) -> str:
+    """How many of all claims hold, partly or not, in a sentence."""
+    counts = Counter(row["verdict"] for row in rows)
+    held = f"{counts[HOLDS]} hold, {counts[PARTLY]} partly, {counts[NO]} do not"
+    missing = f", {counts[NOT_RUN]} not run" if counts[NOT_RUN] else ""
+    return f"Of all {len(rows)} claims {held}{missing}."
+
+
 def _about(rows: Sequence[Row], subject: str) -> list[Row]:
     return [row for row in rows if row["about"] == subject]
 

@@ -57,7 +57,10 @@ def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = 
                 Section(
                     "What of the paper holds",
                     [
-                        *(f"<p>{escape(text)}</p>" for text in claims.sentences(rows)),
+                        *(
+                            f"<p>{escape(text)}</p>"
+                            for text in (claims.total(rows), *claims.sentences(rows))
+                        ),
                         _claims(rows),
                         template.note(ABOUT_CLAIMS),
                     ],

@@ -1,7 +1,6 @@
 """The one table of the paper as text: in Markdown, for a terminal, as CSV, for a notebook."""
 
 import textwrap
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import has_interval
 from genie_sim.base.errors import UserError
 from genie_sim.paper import table1
-from genie_sim.paper.claims import HOLDS, KINDS, NO, PARTLY, SECTIONS, differing, sentences
+from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences, total
 from genie_sim.record import provenance
 
 FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
@@ -112,9 +111,7 @@ def in_short(rows: Sequence[Row]) -> str:
         if row["id"] in IN_SHORT
     ]
     table = renderers.markdown_rows([HEADINGS[1:-1], *lines], [False] * 4)
-    counts = Counter(row["verdict"] for row in rows)
-    held = f"{counts[HOLDS]} hold, {counts[PARTLY]} partly, {counts[NO]} do not"
-    return f"{table}\n\nOf all {len(rows)} claims {held}."
+    return f"{table}\n\n{total(rows)}"
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -159,7 +156,7 @@ def _text_lines(rows: Sequence[Row], width: int) -> Iterator[str]:
         indent = " " * 12
         yield from textwrap.wrap(text, width, initial_indent=indent, subsequent_indent=indent)
     yield ""
-    for sentence in (*notes(rows), *sentences(rows)):
+    for sentence in (*notes(rows), *sentences(rows), total(rows)):
         yield from textwrap.wrap(sentence, width, subsequent_indent="  ")
 
 

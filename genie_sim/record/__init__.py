@@ -1,3 +1,3 @@
 """Rows while time runs: tables and their columns, Parquet files, provenance, and the result folder
-read back. It may import ``base``, ``core`` and ``sim``.
+read back.
 """

@@ -176,7 +176,8 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     path = contained(folder, "run.json")
     if not path.exists():
         runs = "; a run is a folder in its runs/" if (folder / "runs").is_dir() else ""
-        raise UserError(f"{folder}: not a result folder: it has no run.json{runs}")
+        why = f"it has no run.json{runs}" if os.path.lexists(folder) else "it does not exist"
+        raise UserError(f"{folder}: not a result folder: {why}")
     run = read_mapping(path)
     if run.get("format") != RESULT_FORMAT:
         raise UserError(other_format(path, run.get("format"), RESULT_FORMAT))

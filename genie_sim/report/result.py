@@ -124,6 +124,9 @@ class Comparison:
         self._results, self._methods, self._labels = results_, methods, labels
         self._metrics = metrics
 
+    def __repr__(self) -> str:
+        return f"<Comparison of {', '.join(self.compared.names)}: {len(self.table):,} rows>"
+
     @cached_property
     def compared(self) -> "ComparedRuns":
         """What the tables show. Raises ``UserError`` for results that cannot be compared."""

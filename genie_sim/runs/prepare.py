@@ -8,7 +8,7 @@ from genie_sim.base import plugins
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.detectors import detector_laws
-from genie_sim.data.frame_source import Drive, Drives, FrameSource
+from genie_sim.data.frame_source import Drive, Drives, EncodedDrive, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import with_fleet
@@ -52,7 +52,7 @@ class Prepared:
     devices: Mapping[str, DeviceProfile]
     frames: Drives
     drives: Mapping[str, Drive]
-    encoded: Mapping[tuple[str, str], Any]
+    encoded: Mapping[tuple[str, str], EncodedDrive]
     origin: FramesOrigin
     facts: Mapping[str, Any]
     laws: DetectorLaws
@@ -140,11 +140,11 @@ def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
     return replace(scenario, cars=cars)
 
 
-def _encoded_drives(scenario: Scenario, frames: Drives) -> dict[tuple[str, str], Any]:
+def _encoded_drives(scenario: Scenario, frames: Drives) -> dict[tuple[str, str], EncodedDrive]:
     """What the drives of cars with an edge are after their pictures were sent, by encoding and car.
     Raises ``UserError``.
     """
-    encoded: dict[tuple[str, str], Any] = {}
+    encoded: dict[tuple[str, str], EncodedDrive] = {}
     encodings = [settings.image_encoding for settings in scenario.method_settings.values()]
     for encoding in dict.fromkeys(encodings):
         if encoding == "raw":
@@ -168,7 +168,7 @@ def facts(
     *,
     devices: Mapping[str, DeviceProfile],
     frames: Drives,
-    encoded: Mapping[tuple[str, str], Any],
+    encoded: Mapping[tuple[str, str], EncodedDrive],
     origin: FramesOrigin,
 ) -> dict[str, Any]:
     """Everything that decides the outcome of a run: the scenario as it is written, and what was

@@ -13,7 +13,6 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.consumers import ConsumerJudge
-from genie_sim.judge.objects import Objects
 from genie_sim.record.log import Log
 from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
@@ -132,8 +131,7 @@ def simulate_method(
         judge = make_judge(prepared, entry.name, setup, tables, earlier_cars=earlier_cars)
         agreement = None
         if "answers" in scenario.record:
-            objects = Objects() if judge is None else judge.objects
-            agreement = Agreement(entry.name, tables["answers"], objects)
+            agreement = Agreement(entry.name, tables["answers"])
         samples: Samples = "all" if scenario.fleet is None else "edges"
         if "resources" not in scenario.record:
             samples = "none"

@@ -1,3 +1,3 @@
 """What may be written in a scenario and in a device profile: sections, fields with units, and how
-they are read. It may import ``base``, ``core``, ``sim``, ``methods``, ``faults`` and ``data``.
+they are read.
 """

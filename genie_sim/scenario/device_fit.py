@@ -1,9 +1,9 @@
 """A computer as a device: measured latencies become a device profile, with the law of its service
 times fitted.
 
-The law is that of ``profiles.ServiceTime``, X = median (loc + (1 - loc) exp(sigma Z)). Its median
-is the measured one; loc and sigma are those whose quantiles come closest to the measured ones, in
-the logarithm, so that the tail counts.
+The law is that of ``sim.device.ServiceTime``, X = median (loc + (1 - loc) exp(sigma Z)). Its
+median is the measured one; loc and sigma are those whose quantiles come closest to the measured
+ones, in the logarithm, so that the tail counts.
 """
 
 import os

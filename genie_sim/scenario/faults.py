@@ -61,7 +61,7 @@ class FaultEntry(FaultTimes):
 
     def shorten(self) -> object:
         """The settings of the fault beside its times."""
-        fault = FAULT.plain(self.fault)
+        fault = FAULT.written(self.fault)
         if isinstance(fault, str):  # one of the user's own, with its defaults alone
             fault = {FAULT.key: fault}
         times = written(FaultTimes, vars(self))

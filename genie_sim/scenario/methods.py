@@ -70,7 +70,7 @@ class MethodEntry(MethodNames):
 
     def shorten(self) -> object:
         """The settings of the method and of the scenario side by side."""
-        choice = METHOD.plain(self.method)
+        choice = METHOD.written(self.method)
         arguments = choice if isinstance(choice, dict) else {"method": choice}
         if arguments == {"method": self.name} and self.title is None and not self.settings:
             return self.name

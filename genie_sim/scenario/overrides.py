@@ -66,17 +66,21 @@ def apply_overrides(
 
 
 class _Change(NamedTuple):
-    """One override: the steps of its path that are left, and the value at their end. ``defaults``:
-    what is not written here is as by default, not, as of a method's entry, as in the scenario.
+    """One override: the steps of its path that are left, and the value at their end. What is not
+    written has its default; where it ``inherits``, as below a method's entry, another's value, such
+    as the scenario's.
     """
 
     steps: Sequence[str | int]
     value: Any
     text: str
-    defaults: bool = True
+    inherits: bool = False
 
     def of(self, kind: Kind, node: Any, path: str) -> Any:
-        """What is written at ``path``, with the change."""
+        """What is written at ``path``, ``node``, with the change: with ``rate=1 Mbit/s`` left of
+        ``cars[0].link.rate=1 Mbit/s``, ``wifi`` at ``cars[0].link`` becomes ``{like: wifi, rate: 1
+        Mbit/s}``.
+        """
         if not self.steps:
             return self.value
         step, *following = self.steps
@@ -88,7 +92,7 @@ class _Change(NamedTuple):
             other = f"did you mean {path}[*].{rest}, or {path}[0].{rest}?"
             raise UserError(f"{self.text}: {path}: is a list; {other}")
         try:
-            mapping = {} if node is None else _written_out(kind, node, self.defaults)
+            mapping = {} if node is None else _written_out(kind, node, self.inherits)
         except SettingError:
             problem = f"is {short_repr(node)}, which has no setting {step!r}"
             raise UserError(f"{self.text}: {path}: {problem}") from None
@@ -96,9 +100,9 @@ class _Change(NamedTuple):
         if setting is None:
             mapping[step] = below.of(_ANYTHING, mapping.get(step), join(path, step))
             return mapping
-        below = below._replace(defaults=self.defaults and setting.default is not REQUIRED)
+        below = below._replace(inherits=self.inherits or setting.default is REQUIRED)
         inner = mapping.get(step)
-        if inner is None and below.defaults:
+        if inner is None and not below.inherits:
             inner = _default_to_enter(setting, following)
         mapping[step] = below.of(setting.kind, inner, join(path, step))
         return mapping
@@ -154,9 +158,12 @@ def _text(steps: Sequence[str | int]) -> str:
     return path
 
 
-def _written_out(kind: Kind, value: object, defaults: bool) -> dict[str, Any]:
-    """The mapping that a value is short for, as it is written; without ``defaults`` with every
-    setting, which others would complete else. Raises ``SettingError`` where it is none.
+def _written_out(kind: Kind, value: object, inherits: bool) -> dict[str, Any]:
+    """The mapping that a value is short for: ``{like: wifi}`` for ``wifi`` at ``cars[0].link``,
+    ``{entries: 5}`` for ``5 entries`` at ``genie.capacity``, the rules that differ from the default
+    ones for ``literal`` at ``genie``. Where it ``inherits``, as at ``methods[0].genie``, all rules
+    of ``literal``: the scenario's ``genie`` would complete them else. Raises ``SettingError`` where
+    it is short for none.
     """
     for member in kind.members:
         short, plug_in = member.marks.get(Short), member.marks.get(PlugIn)
@@ -165,7 +172,7 @@ def _written_out(kind: Kind, value: object, defaults: bool) -> dict[str, Any]:
             is_preset = plug_in.presets is not None and value in plug_in.presets.choices
             return {"like" if is_preset else plug_in.key: value}
         if hasattr(member.type, "expand") and _plug_in_beside(member.type) is None:
-            if not defaults and not isinstance(value, Mapping):
+            if inherits and not isinstance(value, Mapping):
                 value = from_plain(member.type, value)
             value = _expanded(member.type, value)
     if not isinstance(value, Mapping):
@@ -187,8 +194,11 @@ def _expanded(cls: Any, value: object) -> object:
 
 
 def _settings_in(kind: Kind, value: Mapping[str, Any]) -> dict[str, Setting]:
-    """The settings that may stand in a mapping as it is written, by their names in YAML. Those that
-    take the place of another class's have no default.
+    """The settings that may stand in a mapping as it is written, by their names in YAML.
+
+    Of a link, ``{model: wire}``, those of ``Wire``; of ``{method: genie}`` those of its class, of
+    every entry, such as ``title``, and of the scenario, such as ``consumer``, which may stand
+    beside. These have no default here: what an entry leaves out is as in the scenario.
     """
     settings: list[Setting] = []
     for member in kind.members:

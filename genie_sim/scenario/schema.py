@@ -140,8 +140,8 @@ def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
             quantity = {"type": "string", "examples": [marks[Quantity].example]}
             takes_zero = marks.get(Bounds, Bounds()).contain(0)
             return {"anyOf": [quantity, {"const": 0}]} if takes_zero else quantity
-        case cls if kind.plain is not None and not kind.arguments:
-            schema = {"type": kind.plain.schema}
+        case cls if kind.yaml_form is not None and not kind.arguments:
+            schema = {"type": kind.yaml_form.schema}
             if cls in (int, float):
                 schema |= _limits(marks.get(Bounds, Bounds()))
             elif cls is str:

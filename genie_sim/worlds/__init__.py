@@ -1,3 +1,1 @@
-"""Made-up worlds as sources of frames: a town of streets, and recorded or simulated traffic. It may
-import ``base``, ``core`` and ``data``.
-"""
+"""Made-up worlds as sources of frames: a town of streets, and recorded or simulated traffic."""

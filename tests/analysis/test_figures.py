@@ -4,6 +4,7 @@ byte.
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -235,6 +236,14 @@ def test_bars_are_the_metrics_and_error_bars_their_ranges(tables):
     whiskers = [lines.get_segments() for lines in figure.axes[0].collections]
     tops = [segments[0][:, 1].max() for segments in whiskers if segments]
     assert tops == pytest.approx([reuse["car"].range_high, reuse["edge"].range_high])
+
+
+def test_a_figure_is_as_wide_as_a_column_of_ieeetran():
+    r"""``\columnwidth`` is 252 pt, 72.27 to the inch; PDF has 72 of its own."""
+    to = io.BytesIO()
+    figures.one_panel(style.WIDTHS["column"], 2.0, None)[0].savefig(to, format="pdf")
+    (width,) = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ", to.getvalue())
+    assert float(width) / 72 * 72.27 == pytest.approx(252, abs=0.01)
 
 
 @pytest.mark.slow

@@ -46,6 +46,7 @@ def test_a_run_s_table_says_what_its_brackets_are_and_has_no_range():
     assert "first answer, mean [ms] & 342 & 9.12" in text
     assert r"{\scriptsize [328, 356]}" in text
     assert "[9.12, 9.12]" not in text, "an interval without width is none"
+    assert "No brackets: the interval rounds" in text
     assert r"image reuse on cars [\%] & -- & 25" in text
     assert "[10, 40]" not in text, "a range is no interval"
     assert "95 \\% intervals inside the run" in text

@@ -41,7 +41,7 @@ def test_one_metric_of_a_sweep_is_drawn_along_its_axis(line):
     assert "first answer," in text and "p99 [ms]" in text and "rate" in text
     assert "remote (R)" in text and "Genie (DG)" in text and "(a)" not in text
     width, height = size_in("f.svg")
-    assert width == pytest.approx(3.5) and 1.5 < height <= 3.2 + 1e-6
+    assert width == pytest.approx(252 / 72.27) and 1.5 < height <= 3.2 + 1e-6
 
 
 def test_one_metric_of_two_axes_is_lines_at_any_width(plane):
@@ -54,7 +54,7 @@ def test_one_metric_of_two_axes_is_lines_at_any_width(plane):
     assert main(["figures", plane, "--width", "6", "--out", "six"]) == 0
     assert {round(size_in(str(path))[0], 3) for path in Path("six").iterdir()} == {6}
     assert main([*command, "--width", "column", "--out", "h.svg"]) == 0
-    assert size_in("h.svg")[0] == pytest.approx(3.5)
+    assert size_in("h.svg")[0] == pytest.approx(252 / 72.27)
     assert "view_range [m] = " in words("h.svg"), "a line for each value of the second axis"
     assert main(["figures", plane, "--width", "column", "--out", "columns"]) == 0
     assert all(path.name.startswith(("rate-", "view_range-")) for path in Path("columns").iterdir())

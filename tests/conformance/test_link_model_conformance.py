@@ -106,6 +106,7 @@ def test_a_radio_of_ones_own_carries_the_frames():
 @pytest.mark.parametrize(
     ("link", "message"),
     [
+        ({"model": "wifi"}, r"cars\[0\].link.model: .*; 'wifi' is a link: like: wifi"),
         ({"model": "wre"}, r"cars\[0\].link.*unknown link model 'wre' \(did you mean 'wire'\?\)"),
         (
             {"model": "wire", "rate_up": "1 Mbit/s", "dely": "1 ms"},

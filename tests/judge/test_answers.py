@@ -13,7 +13,6 @@ from genie_sim.analysis import metrics, screen, summary
 from genie_sim.base.matching import SAME_M, near, pairs, placed
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.judge.agreement import Agreement
-from genie_sim.judge.objects import Objects
 from genie_sim.record.log import ComparedAnswer, Log
 from genie_sim.record.records import ANSWERS, new_tables
 from genie_sim.record.tables import Table
@@ -36,7 +35,7 @@ def compared(
 ) -> list[tuple]:
     """Which, source, served, detected, matched of each row."""
     tables = new_tables()
-    log = Log("genie", tables, agreement=Agreement("genie", tables["answers"], Objects()))
+    log = Log("genie", tables, agreement=Agreement("genie", tables["answers"]))
     log.published(Image(HEADER, 1000, "", 0, POSE, 1.4, Frame(tuple(detected))), 0, 0)
     for source, objects in answers:
         log.answered(Detections(HEADER, tuple(objects), source), source, HEADER.stamp_ns)
@@ -88,7 +87,7 @@ def test_answers_are_compared_in_windows_of_any_size_as_one_by_one(window: int):
         ]
 
     table, expected = Table(ANSWERS), []
-    agreement = Agreement("genie", table, Objects(), window)
+    agreement = Agreement("genie", table, window)
     for number in range(40):
         header = Header(number, rng.choice(["left", "right"]), "car1")
         served, detected = some(), some()
@@ -175,6 +174,7 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     told = " ".join(screen.text(made, 80, ()).split())
     assert "proxy F1" not in told and "Proxy, and cache hits: against the" in told, "truth is known"
     assert "wrong cache hits [%]" in summary.markdown(made)
+    assert summary.ABOUT_PROXIES not in summary.short_table(made).notes, "no row of either"
 
 
 def test_answers_may_be_left_out_and_change_nothing_else():

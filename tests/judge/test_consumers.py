@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import random
 from functools import partial
-from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -22,7 +21,6 @@ from genie_sim.core.messages import (
     Image,
     Location,
 )
-from genie_sim.judge import objects
 from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.judge.joins import GroupedPlaces
 from genie_sim.judge.recent_places import RecentPlaces
@@ -166,8 +164,7 @@ def test_windows_of_any_size_are_judged_as_one_object_after_the_other(
         judge = make(
             "genie", CARS, tables[0], without_delay, held_objects=tables[1], all_streams=all_streams
         )
-        with patch.object(objects, "MAX_KEPT", 30):
-            drive(judge, seed, moments=8)
+        drive(judge, seed, moments=8)
         rows.append([table.to_frame() for table in tables])
     for ours, theirs in zip(*rows, strict=True):
         pd.testing.assert_frame_equal(ours, theirs, rtol=1e-12, check_categorical=False)

@@ -23,6 +23,7 @@ from genie_sim.paper.claims import (
     matches,
     row,
     sentences,
+    total,
     within,
 )
 from genie_sim.paper.evidence import Effect, interval, more
@@ -200,6 +201,8 @@ def test_three_sentences_count_latency_levels_and_trends():
     assert latency.startswith("Latency: 1 of 10 claims hold; 10 of the 10 follow")
     assert "1 of 8 claims hold; objects are reused 31 % of the time (paper: 31 %)" in levels
     assert "0 of 9 claims hold" in trends
+    rows[-1]["verdict"] = NOT_RUN
+    assert total(rows) == "Of all 39 claims 2 hold, 0 partly, 36 do not, 1 not run."
 
 
 def test_table_1_has_two_misprints_both_divided_by_the_wrong_device():

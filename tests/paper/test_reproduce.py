@@ -189,5 +189,6 @@ def test_the_table_is_printed_in_markdown_and_for_a_notebook():
     with pytest.raises(gs.UserError, match="markdown and csv"):
         printed.table(rows, "latex")
     narrow = printed.text(rows, 60)
+    assert printed.in_short(rows).splitlines()[-1] in narrow
     assert max(map(len, narrow.splitlines())) <= 60
     assert not np.isnan([row["value"] for row in rows]).any()

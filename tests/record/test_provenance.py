@@ -48,11 +48,13 @@ def test_what_somebody_put_into_a_result_stays_when_it_is_made_again(tmp_path):
     (elsewhere / "precious").write_text("precious")
     (final / "run.json").write_text("{}")
     (final / "page.html").write_text("of before")
-    (final / "mine" / "notes.txt").write_text("mine")
+    (final / "mine" / "notes.partial.md").write_text("mine")
+    (final / ".summary.md.0123abcd.partial").write_text("half")
     (final / "link").symlink_to(elsewhere)
     with result_folder(final, ("page.html",)) as partial:
         (partial / "run.json").write_text("[]")
-    assert (final / "mine" / "notes.txt").read_text() == "mine"
+    assert (final / "mine" / "notes.partial.md").read_text() == "mine"
+    assert not (final / ".summary.md.0123abcd.partial").exists()
     assert (final / "link").is_symlink() and (elsewhere / "precious").read_text() == "precious"
     assert (final / "run.json").read_text() == "[]" and not (final / "page.html").exists()
 

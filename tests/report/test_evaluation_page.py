@@ -57,7 +57,7 @@ def test_every_claim_is_there_with_what_was_found_and_judged(page):
         texts = [row[name] for name in ("claim", "kind", "paper", "test", "command")]
         for text in (*texts, printed.number(row), printed.verdict(row), printed.reason(row)):
             assert escape(text) in shown, (row["id"], text)
-    assert all(escape(sentence) in page for sentence in claims.sentences(ROWS))
+    assert all(escape(text) in page for text in (claims.total(ROWS), *claims.sentences(ROWS)))
     assert page.count("<img") == 5
 
 

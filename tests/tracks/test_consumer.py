@@ -9,8 +9,8 @@ import pytest
 
 from genie_sim.base.settings import from_plain
 from genie_sim.core.messages import Detection, Detections
-from genie_sim.judge import held as recording_held
-from genie_sim.judge.objects import Objects
+from genie_sim.judge.held import shown_objects
+from genie_sim.judge.objects import LabelCodes
 from genie_sim.tracks.consumer import ConsumerRules, Newest, Tracker
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track import Motion
@@ -20,11 +20,12 @@ from tests.tracks.looks import FOV, after, look, tracks
 
 def held(consumer, t_s: float) -> list[tuple[str, float]]:
     now_ns = round(t_s * S)
-    objects = Objects()
-    items = recording_held.shown_objects(objects, [(now_ns, consumer.shown(now_ns))])
-    names, codes = list(objects.labels), objects.columns().label[items.number]
+    labels = LabelCodes()
+    items = shown_objects([(now_ns, consumer.shown(now_ns))], labels)
+    names = list(labels.codes)
     return [
-        (names[code], round(east_m, 1)) for code, east_m in zip(codes, items.east_m, strict=True)
+        (names[code], round(east_m, 1))
+        for code, east_m in zip(items.label, items.east_m, strict=True)
     ]
 
 
