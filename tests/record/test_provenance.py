@@ -278,7 +278,7 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
     made |= {"metrics": {}, "rows": {}}
     provenance.write_json(tmp_path / "run.json", made)
     assert provenance.read_run_json(tmp_path) == made
-    with pytest.raises(UserError, match="elsewhere: .* does not exist"):
+    with pytest.raises(UserError, match=r"elsewhere: .* does not exist"):
         provenance.read_run_json(tmp_path / "elsewhere")
     (tmp_path / "empty").mkdir()
     with pytest.raises(UserError, match=r"empty: .* no run\.json"):
