@@ -211,40 +211,58 @@ def _compare_sides(
     firsts = [_any(_any(side)) for side in sides]
     names = names_of(firsts, labels)
     cells, left_out = _common(sides, names)
+    arms, references = _arms(cells, names, methods)
+    unlike = _told_differently(arms)
+    for metric in metrics:
+        if metric in unlike:
+            raise UserError(f"compare: {metric}: {unlike[metric]}, so it is not one metric")
+    for metric, why in unlike.items():
+        left_out += f" Without {metric}: {why}."
+    rows = list(_rows(metrics or _shown(arms), arms, references))
+    return ComparedRuns(arms, rows, names, _settings(firsts), left_out, metrics)
+
+
+def _arms(
+    cells: Mapping[str, Mapping[str, Mapping[int, Run]]],
+    names: Sequence[str],
+    methods: Sequence[str],
+) -> tuple[list[Arm], dict[str, Arm]]:
+    """The arms, and by an arm's label that with which it is compared, if any: a ``cell`` is a
+    setting of sweeps, a ``name`` that of a result.
+    """
     arms: list[Arm] = []
-    references: dict[str, Arm] = {}  # by the label of the arm that is compared with it
+    references: dict[str, Arm] = {}
     for cell, by_name in cells.items():
         firsts_of_cell: dict[str, Arm] = {}  # what the others are compared with
         for name, by_seed in by_name.items():
             for method in _chosen(_any(by_seed), methods):
-                place = ", ".join(filter(None, [name if len(sides) > 1 else "", cell]))
+                place = ", ".join(filter(None, [name if len(names) > 1 else "", cell]))
                 label, title = (
                     f"{place}: {text}" if place else text for text in (method.name, method.title)
                 )
                 arm = Arm(label, title, method, by_seed, place)
-                key = method.name if len(sides) > 1 else ""
+                key = method.name if len(names) > 1 else ""
                 if name == names[0]:
                     firsts_of_cell.setdefault(key, arm)
                 if firsts_of_cell.get(key, arm) is not arm:
                     references[label] = firsts_of_cell[key]
                 arms.append(arm)
-    of_rows = {arm.label: _samples(arm) for arm in arms}
-    rows = []
-    unlike = _told_differently(arms)
-    for name in metrics:
-        if name in unlike:
-            raise UserError(f"compare: {name}: {unlike[name]}, so it is not one metric")
-    for name, why in unlike.items():
-        left_out += f" Without {name}: {why}."
-    for metric in metrics or _shown(arms):
+    return arms, references
+
+
+def _rows(
+    metrics: Iterable[str], arms: Sequence[Arm], references: Mapping[str, Arm]
+) -> Iterator[Difference]:
+    """Metric by metric a row of each arm that has a value."""
+    samples_of = {arm.label: _samples(arm) for arm in arms}
+    for metric in metrics:
         for arm in arms:
             reference = references.get(arm.label)
             row = _difference(metric, arm, reference)
             if row is not None and reference is not None and len(arm.runs) == 1:
-                row = _over_blocks(row, of_rows[arm.label], of_rows[reference.label])
+                row = _over_blocks(row, samples_of[arm.label], samples_of[reference.label])
             if row is not None:
-                rows.append(row)
-    return ComparedRuns(arms, rows, names, _settings(firsts), left_out, metrics)
+                yield row
 
 
 def _common(

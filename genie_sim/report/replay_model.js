@@ -1,6 +1,7 @@
 // What a replay knows: frames, look-ups and held objects of every method, found by frame or by instant. The page's
 // data are those that `replay.py` tells of, field by field; instants are microseconds since the start of the run,
 // places metres east and north.
+// Uses replay_elements.js.
 
 const inMs = (us) => `${us < 0 ? "\u2212" : ""}${(Math.abs(us) / 1000).toFixed(1)} ms`;
 const countOf = (objects) => `${objects} object${objects === 1 ? "" : "s"}`;

@@ -1,4 +1,5 @@
 // The street from above at one instant of simulated time, under one method.
+// Uses replay_elements.js, replay_model.js, replay_canvas.js.
 
 const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
 const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
