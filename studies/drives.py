@@ -43,7 +43,7 @@ from scipy.stats import linregress
 
 import genie_sim as gs
 from genie_sim.analysis import renderers
-from genie_sim.analysis.genie_metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import GENIE_PLACEMENTS
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.base.parallel import in_processes, workers_here
@@ -72,9 +72,9 @@ NUMBERS = [
     *(
         placed(name, placement)
         for name in ("image_reuse", "image_reuse_pooled", "object_reuse")
-        for placement in PLACEMENTS
+        for placement in GENIE_PLACEMENTS
     ),
-    *(placed("confidence_boost", placement) for placement in PLACEMENTS),
+    *(placed("confidence_boost", placement) for placement in GENIE_PLACEMENTS),
     *(
         Number(name, method.name)
         for name in ("object_precision", "ghost_share")
@@ -160,7 +160,7 @@ class Cube:
 
     def roles(self, metric: str) -> Values:
         """Of the Genies on cars and on edges."""
-        return self.of([str(placed(metric, placement)) for placement in PLACEMENTS])
+        return self.of([str(placed(metric, placement)) for placement in GENIE_PLACEMENTS])
 
 
 class Direction(NamedTuple):

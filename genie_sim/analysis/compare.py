@@ -211,40 +211,58 @@ def _compare_sides(
     firsts = [_any(_any(side)) for side in sides]
     names = names_of(firsts, labels)
     cells, left_out = _common(sides, names)
+    arms, references = _arms(cells, names, methods)
+    unlike = _told_differently(arms)
+    for metric in metrics:
+        if metric in unlike:
+            raise UserError(f"compare: {metric}: {unlike[metric]}, so it is not one metric")
+    for metric, why in unlike.items():
+        left_out += f" Without {metric}: {why}."
+    rows = list(_rows(metrics or _shown(arms), arms, references))
+    return ComparedRuns(arms, rows, names, _settings(firsts), left_out, metrics)
+
+
+def _arms(
+    cells: Mapping[str, Mapping[str, Mapping[int, Run]]],
+    names: Sequence[str],
+    methods: Sequence[str],
+) -> tuple[list[Arm], dict[str, Arm]]:
+    """The arms, and by an arm's label that with which it is compared, if any: a ``cell`` is a
+    setting of sweeps, a ``name`` that of a result.
+    """
     arms: list[Arm] = []
-    references: dict[str, Arm] = {}  # by the label of the arm that is compared with it
+    references: dict[str, Arm] = {}
     for cell, by_name in cells.items():
         firsts_of_cell: dict[str, Arm] = {}  # what the others are compared with
         for name, by_seed in by_name.items():
             for method in _chosen(_any(by_seed), methods):
-                place = ", ".join(filter(None, [name if len(sides) > 1 else "", cell]))
+                place = ", ".join(filter(None, [name if len(names) > 1 else "", cell]))
                 label, title = (
                     f"{place}: {text}" if place else text for text in (method.name, method.title)
                 )
                 arm = Arm(label, title, method, by_seed, place)
-                key = method.name if len(sides) > 1 else ""
+                key = method.name if len(names) > 1 else ""
                 if name == names[0]:
                     firsts_of_cell.setdefault(key, arm)
                 if firsts_of_cell.get(key, arm) is not arm:
                     references[label] = firsts_of_cell[key]
                 arms.append(arm)
-    of_rows = {arm.label: _samples(arm) for arm in arms}
-    rows = []
-    unlike = _told_differently(arms)
-    for name in metrics:
-        if name in unlike:
-            raise UserError(f"compare: {name}: {unlike[name]}, so it is not one metric")
-    for name, why in unlike.items():
-        left_out += f" Without {name}: {why}."
-    for metric in metrics or [name for name in _shown(arms) if name not in unlike]:
+    return arms, references
+
+
+def _rows(
+    metrics: Iterable[str], arms: Sequence[Arm], references: Mapping[str, Arm]
+) -> Iterator[Difference]:
+    """Metric by metric a row of each arm that has a value."""
+    samples_of = {arm.label: _samples(arm) for arm in arms}
+    for metric in metrics:
         for arm in arms:
             reference = references.get(arm.label)
             row = _difference(metric, arm, reference)
             if row is not None and reference is not None and len(arm.runs) == 1:
-                row = _over_blocks(row, of_rows[arm.label], of_rows[reference.label])
+                row = _over_blocks(row, samples_of[arm.label], samples_of[reference.label])
             if row is not None:
-                rows.append(row)
-    return ComparedRuns(arms, rows, names, _settings(firsts), left_out, metrics)
+                yield row
 
 
 def _common(
@@ -298,10 +316,10 @@ def _told_differently(arms: Sequence[Arm]) -> dict[str, str]:
 
 def _shown(arms: Sequence[Arm]) -> list[str]:
     """The metrics that are compared unless the user says which."""
-    return shown(
-        MAIN,
-        (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured),
-    )
+    unlike = _told_differently(arms)
+    runs = (run for arm in arms for run in arm.runs.values())
+    names = (metric.metric for run in runs for metric in run.measured)
+    return shown(MAIN, (name for name in names if name not in unlike))
 
 
 def _any(values: Mapping[Any, Value]) -> Value:
@@ -321,14 +339,33 @@ def settings_of(runs: Sequence[Run]) -> list[dict[int, Run]]:
     """Of each setting its runs by seed."""
     settings: dict[str, dict[int, Run]] = {}
     for run in runs:
-        scenario = dict(run.facts["scenario"])
-        del scenario["seed"]
-        decisive = {"scenario": scenario, **{name: run.facts[name] for name in OUTCOME}}
-        by_seed = settings.setdefault(json.dumps(decisive, sort_keys=True), {})
+        by_seed = settings.setdefault(json.dumps(_decisive(run), sort_keys=True), {})
         if run.seed in by_seed:
-            raise UserError(f"compare: {run.name}-{run.run_id}: the same run is given twice")
+            why = _alike(run, by_seed[run.seed])
+            raise UserError(f"compare: {run.name}-{run.run_id}: {why}")
         by_seed[run.seed] = run
     return list(settings.values())
+
+
+def _decisive(run: Run) -> dict[str, Any]:
+    """What decides a run's outcome besides the seed, without digests that the seed may decide."""
+    scenario = {name: value for name, value in run.facts["scenario"].items() if name != "seed"}
+    is_recorded = scenario["perception"]["source"] == "recorded"
+    traces = {
+        name: digest
+        for name, digest in run.facts["traces"].items()
+        if is_recorded or name.startswith("link ")
+    }
+    others = {name: run.facts.get(name) for name in ("laws", *OUTCOME)}
+    return {"scenario": scenario, "traces": traces, **others}
+
+
+def _alike(run: Run, other: Run) -> str:
+    """Why a run is not compared with another of its setting and seed."""
+    if run.run_id == other.run_id:
+        return "the same run is given twice"
+    differing = ", ".join(_differing([run.facts, other.facts]))
+    return f"differs from {other.run_id}, of the same setting and seed, in {differing}"
 
 
 def names_of(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
@@ -437,13 +474,17 @@ def _values(arm: Arm, metric: str) -> dict[int, tuple[float, int]]:
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
-    """What differs between settings: each path, and its value in each, ``-`` where it has none. A
-    part that is not in every setting, such as a device, is one entry.
+    """What differs between settings, as ``_differing``: what the user set, else what was read."""
+    names = "scenario", "devices", "genie_sim"
+    differing = _differing([{name: run.facts[name] for name in names} for run in runs])
+    return differing or _differing(list(map(_decisive, runs)))
+
+
+def _differing(of_runs: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """What differs: each path, and its value in each, ``-`` where it has none. A part that is not
+    in all, such as a device, is one entry.
     """
-    flat = []
-    for run in runs:
-        decisive = {name: run.facts[name] for name in ("scenario", "devices", "genie_sim")}
-        flat.append({path: short_repr(value) for path, value in _flat(decisive)})
+    flat = [{path: short_repr(value) for path, value in _flat(of_run)} for of_run in of_runs]
     parts = [{part for path in of_run for part in _parts(path)} for of_run in flat]
     in_all = set.intersection(*parts)
     differing = {}

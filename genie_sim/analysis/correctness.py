@@ -16,9 +16,9 @@ from genie_sim.analysis.metric import (
     MAIN,
     RIGHT_F1,
     Given,
+    MethodTables,
     Metric,
     Sample,
-    Tables,
     share_of,
 )
 from genie_sim.analysis.statistics import Estimate
@@ -33,7 +33,7 @@ HITS = {
 }
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """The answers of a method, and the hits by where the cache is; what its consumers hold at each
     instant, and in each lap; and, as component ``zero_delay``, the zero-delay detector. It
     is the same for all methods, and is written under the first that a car drives with.
@@ -123,7 +123,7 @@ def _of_held(title: str, better: str, meaning: str, formula: Any, **words: Any) 
     )
 
 
-ANSWERS = {
+ANSWER_METRICS = {
     "first_proxy_f1": Metric(
         "proxy F1, first answer",
         "%",
@@ -147,7 +147,7 @@ ANSWERS = {
         tier=MAIN,
     ),
 }
-HELD = {
+HELD_METRICS = {
     "object_precision": _of_held(
         "streaming precision",
         HIGHER,
@@ -213,8 +213,8 @@ HELD = {
     ),
 }
 METRICS = {
-    **ANSWERS,
-    **HELD,
+    **ANSWER_METRICS,
+    **HELD_METRICS,
     "lap_f1": Metric(
         "streaming F1 in a lap",
         "%",

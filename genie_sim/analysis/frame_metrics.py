@@ -18,9 +18,9 @@ from genie_sim.analysis.metric import (
     REST,
     SHORT,
     Given,
+    MethodTables,
     Metric,
     Sample,
-    Tables,
     half_of_pair,
     mean_of,
     share_of,
@@ -30,8 +30,8 @@ from genie_sim.analysis.statistics import Estimate, around
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.record.columns import Columns, Floats
 
-TIMES, FRAMES, IMPROVEMENTS = "Response times", "Published frames", "Improvements"
-ANSWERS = {"first": "first answer", "fresh": "fresh result"}  # as titles and meanings say
+TIMES, FRAMES_SECTION, IMPROVEMENTS = "Response times", "Published frames", "Improvements"
+ANSWER_TITLES = {"first": "first answer", "fresh": "fresh result"}  # as titles and meanings say
 # what each part of a mean took, by answer
 PART = {"first": "first_answer_part", "fresh": "fresh_answer_part"}
 SPAN = "from the camera's stamp of a frame to its"
@@ -52,13 +52,13 @@ class PartOfTime(NamedTuple):
     n: int
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """The frames of a method, and each part of the time of its answers, as component."""
     if "frames" not in tables:
         return
     frames = tables["frames"]
     yield Given("frames", frames)
-    for answer in ANSWERS if "steps" in tables else ():
+    for answer in ANSWER_TITLES if "steps" in tables else ():
         n = int((~np.isnan(frames.floats(f"{answer}_answer_ns"))).sum())
         steps = tables["steps"]
         steps = steps.rows(steps["which"].isin((answer, "both")))
@@ -73,7 +73,7 @@ def views(tables: Tables) -> Iterator[Given]:
                 yield Given("parts", PartOfTime(answer, sum_ns, n), component=part)
 
 
-def pairs(tables: Tables, baselines: Mapping[str, Tables]) -> Iterator[Given]:
+def pairs(tables: MethodTables, baselines: Mapping[str, MethodTables]) -> Iterator[Given]:
     """The frames of a method beside those of each baseline, as component."""
     for name, theirs in baselines.items():
         if "frames" in tables and "frames" in theirs:
@@ -122,7 +122,7 @@ def _share(
 
 
 def _in_time(answer: str, tier: int) -> Metric:
-    title = f"{ANSWERS[answer]} within {DEADLINE_MS:g} ms"
+    title = f"{ANSWER_TITLES[answer]} within {DEADLINE_MS:g} ms"
     return _share(
         title,
         HIGHER,
@@ -155,7 +155,7 @@ def _part(part: PartOfTime, answer: str) -> Estimate | None:
 
 def _answers(answer: str, tiers: Mapping[str, int], in_time: int) -> dict[str, Metric]:
     """The times until an answer, and the share of frames that have it in time."""
-    title = ANSWERS[answer]
+    title = ANSWER_TITLES[answer]
     of_statistics = times(
         title, f"{SPAN} {title}.", partial(response_ms, answer=answer), tiers, section=TIMES
     )
@@ -172,7 +172,7 @@ METRICS = {
         HIGHER,
         "for which a detector looked at this very frame",
         partial(is_answered, answer="fresh"),
-        section=FRAMES,
+        section=FRAMES_SECTION,
         tier=SHORT,
     ),
     **{
@@ -186,14 +186,14 @@ METRICS = {
         )
     },
     "answered_share": _share(
-        "frames answered", HIGHER, "with any answer", is_answered, section=FRAMES
+        "frames answered", HIGHER, "with any answer", is_answered, section=FRAMES_SECTION
     ),
     "recent_share": _share(
         "frames with a recent result",
         HIGHER,
         "with an answer from a look at most 100 ms older",
         _is_recent,
-        section=FRAMES,
+        section=FRAMES_SECTION,
         tier=MAIN,
     ),
     "dropped_share": _share(
@@ -201,7 +201,7 @@ METRICS = {
         LOWER,
         "that a queue or a link dropped",
         _is_dropped,
-        section=FRAMES,
+        section=FRAMES_SECTION,
         tier=MAIN,
     ),
     "improvement_first_answer": Metric(
@@ -216,10 +216,10 @@ METRICS = {
     ),
     **{
         name: Metric(
-            f"part of the {ANSWERS[answer]}",
+            f"part of the {ANSWER_TITLES[answer]}",
             "ms",
             LOWER,
-            meaning=f"Mean time that a part takes {SPAN} {ANSWERS[answer]}.",
+            meaning=f"Mean time that a part takes {SPAN} {ANSWER_TITLES[answer]}.",
             formula=partial(_part, answer=answer),
             kind="parts",
         )

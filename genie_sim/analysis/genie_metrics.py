@@ -12,9 +12,9 @@ from genie_sim.analysis.metric import (
     MAIN,
     SHORT,
     Given,
+    MethodTables,
     Metric,
     Sample,
-    Tables,
     average,
     quotient,
 )
@@ -24,13 +24,13 @@ from genie_sim.record.columns import Columns, Text
 if TYPE_CHECKING:
     Ints = np.ndarray[Any, Any]
 
-PLACEMENTS = ("car", "edge")  # of Genies
+GENIE_PLACEMENTS = ("car", "edge")  # of Genies
 GENIES = "Genies"
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """The look-ups of a method's Genies on cars, and on edges."""
-    for placement in PLACEMENTS if "lookups" in tables else ():
+    for placement in GENIE_PLACEMENTS if "lookups" in tables else ():
         rows = tables["lookups"].where(placement=placement)
         if len(rows):
             yield Given("lookups", rows, placement)

@@ -32,7 +32,7 @@ RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
 LOWER, HIGHER = "lower", "higher"
 HEADLINE, SHORT, MAIN, REST = range(4)  # tiers
 
-Tables = Mapping[str, Columns]  # of one method, by name
+MethodTables = Mapping[str, Columns]  # of one method, by name
 
 
 class Given(NamedTuple):

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import frame_metrics
-from genie_sim.analysis.metric import Given, Metric, Sample, Tables
+from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample
 from genie_sim.analysis.registry import METRICS, MODULES, own_metrics
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of
@@ -85,19 +85,19 @@ def compute(
     return measured
 
 
-def of_method(tables: Tables, method: str) -> dict[str, Columns]:
+def of_method(tables: MethodTables, method: str) -> dict[str, Columns]:
     """Those rows of each table that are of one method; no tables without any."""
     of_one = {name: table.where(method=method) for name, table in tables.items() if len(table)}
     return {name: table for name, table in of_one.items() if len(table)}
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """What formulas are given, of the tables of one method."""
     for module in MODULES:
         yield from module.views(tables)
 
 
-def samples(metrics: Mapping[str, Metric], tables: Tables) -> dict[str, Sample]:
+def samples(metrics: Mapping[str, Metric], tables: MethodTables) -> dict[str, Sample]:
     """Of each metric that is made of rows those of a method as a whole."""
     of_whole: dict[str, Sample] = {}
     for given in views(tables):

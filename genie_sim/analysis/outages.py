@@ -11,7 +11,7 @@ import numpy as np
 
 from genie_sim.analysis.correctness import false_objects, recall, without_interval
 from genie_sim.analysis.frame_metrics import is_answered
-from genie_sim.analysis.metric import HIGHER, LOWER, Given, Metric, Tables, average
+from genie_sim.analysis.metric import HIGHER, LOWER, Given, MethodTables, Metric, average
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
@@ -20,7 +20,7 @@ from genie_sim.record.records import CONSUMER
 WINDOW_NS = NS_PER_S // 2
 RECOVERED = 0.95  # of the share of fresh results before the fault
 PHASES = ("before", "during", "after")
-FAULTS = "Around the first fault"
+FAULTS_SECTION = "Around the first fault"
 
 
 class Fault(NamedTuple):
@@ -31,7 +31,7 @@ class Fault(NamedTuple):
     end_ns: float
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """The phases of a method's first fault, and the fault."""
     if "faults" not in tables or "frames" not in tables:
         return
@@ -70,7 +70,7 @@ def _around(title: str, better: str, meaning: str, formula: Any, kind: str) -> M
         f"{title} around a fault",
         "%",
         better,
-        FAULTS,
+        FAULTS_SECTION,
         meaning=f"{meaning}, before, during or after the first fault that is no hand-over (the "
         "component).",
         formula=formula,
@@ -90,7 +90,7 @@ METRICS = {
         "recovery after a fault",
         "s",
         LOWER,
-        FAULTS,
+        FAULTS_SECTION,
         meaning="From the end of the first fault to the first half second with 95 % of the share "
         "of fresh results before it.",
         formula=_recovery,

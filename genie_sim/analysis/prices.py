@@ -19,9 +19,9 @@ from genie_sim.analysis.metric import (
     MAIN,
     REST,
     Given,
+    MethodTables,
     Metric,
     Sample,
-    Tables,
     quotient,
 )
 from genie_sim.analysis.statistics import Estimate
@@ -127,7 +127,7 @@ class Hosts(NamedTuple):
         return float(self.hosts[column].sum()) / unit
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """All hosts of a method, and those on cars and on edges."""
     if "hosts" not in tables or "frames" not in tables:
         return
@@ -212,7 +212,7 @@ METRICS = {
 }
 
 
-def unknown_powers(runs: Sequence[Tables], methods: Sequence[str]) -> list[str]:
+def unknown_powers(runs: Sequence[MethodTables], methods: Sequence[str]) -> list[str]:
     """The devices and interfaces of some runs without known power."""
     unknown: dict[str, None] = {}
     for tables in runs:

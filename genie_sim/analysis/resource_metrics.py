@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Given, Metric, Tables
+from genie_sim.analysis.metric import LOWER, MAIN, Given, MethodTables, Metric
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
@@ -53,7 +53,7 @@ class Use(NamedTuple):
         return Estimate(growth / (capacity * seconds), n=n)
 
 
-def views(tables: Tables) -> Iterator[Given]:
+def views(tables: MethodTables) -> Iterator[Given]:
     """Each resource of a method; a link has the placement ``all``."""
     if "resources" not in tables:
         return

@@ -7,10 +7,10 @@ from typing import NamedTuple
 from genie_sim.analysis import correctness, prices, renderers
 from genie_sim.analysis.compare import no_value
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
-from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
+from genie_sim.analysis.frame_metrics import FRAMES_SECTION, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES, of_clients
 from genie_sim.analysis.metric import MAIN, RECENT_MS, SHORT, Metric
-from genie_sim.analysis.outages import FAULTS
+from genie_sim.analysis.outages import FAULTS_SECTION
 from genie_sim.analysis.registry import (
     METRICS,
     OWN,
@@ -35,10 +35,10 @@ OVERLOADED, MANY_DROPPED = 0.95, 0.1
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 SECTIONS = (
     TIMES,
-    FRAMES,
+    FRAMES_SECTION,
     CORRECTNESS,
     LAPS,
-    FAULTS,
+    FAULTS_SECTION,
     IMPROVEMENTS,
     GENIES,
     prices.PRICES,
@@ -75,8 +75,8 @@ ABOUT_ENERGY = (
 )
 ABOUT = {
     IMPROVEMENTS: "Improvement: 1 - mean of the method / mean of the baseline.",
-    FAULTS: "The first fault that is no hand-over; a frame belongs to the time of its stamp."
-    " Recovery: from its end to the first half second with 95 % of the share of fresh results"
+    FAULTS_SECTION: "The first fault that is no hand-over; a frame belongs to the time of its "
+    "stamp. Recovery: from its end to the first half second with 95 % of the share of fresh results"
     " before it.",
 }
 ABOUT_BUSIEST = "Busiest: the utilization of whichever is used most."
@@ -93,6 +93,12 @@ class _Column(NamedTuple):
     title: str
     method: str
     component: str = ""
+
+    def component_of(self, component: str) -> str:
+        """The component of a row whose number stands in this column; none has both that of a row
+        and that of the column.
+        """
+        return ", ".join(filter(None, (component, self.component)))
 
 
 class _Numbers:
@@ -157,7 +163,7 @@ class _Numbers:
                 cells = [
                     cell(
                         self._by_place.get(
-                            (name, column.method, placement, component or column.component)
+                            (name, column.method, placement, column.component_of(component))
                         ),
                         self.words,
                     )
@@ -168,7 +174,7 @@ class _Numbers:
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
                     ranges = [
-                        self._range(name, column.method, placement, component or column.component)
+                        self._range(name, column.method, placement, column.component_of(component))
                         for column in columns
                     ]
                     if not whole and any(cell.is_known for cell in ranges):
@@ -413,15 +419,15 @@ def short_table(run: Run | SeedRuns) -> ResultTable:
 
 def _main_notes(names: Sequence[str], numbers: _Numbers) -> Iterator[str]:
     """What the words of these metrics mean, and why there is no number of one."""
-    if any(METRICS[name].section in (TIMES, FRAMES) for name in names if name in METRICS):
+    if any(METRICS[name].section in (TIMES, FRAMES_SECTION) for name in names if name in METRICS):
         yield f"{ABOUT_TIMES} {ABOUT_ANSWERS}"
     if numbers.is_measured({"recent_share", "look_age_mean"}.intersection(names)):
         yield ABOUT_LOOKS
     if "utilization" in names and numbers.is_measured(["utilization"]):
         yield ABOUT_BUSIEST
-    if any(name in correctness.HELD for name in names):
+    if any(name in correctness.HELD_METRICS for name in names):
         yield _about_truth(numbers)
-    if numbers.is_measured(set(correctness.ANSWERS).intersection(names)):
+    if numbers.is_measured(set(correctness.ANSWER_METRICS).intersection(names)):
         yield ABOUT_PROXIES
     if any(name in OF_LOOKUPS for name in names) and not numbers.is_measured(OF_LOOKUPS):
         yield NO_LOOKUPS
@@ -445,7 +451,7 @@ def _notes(section: str, numbers: _Numbers) -> Iterator[str]:
     if section in ABOUT:
         yield ABOUT[section]
     elif section == CORRECTNESS:
-        if numbers.is_measured(correctness.ANSWERS):
+        if numbers.is_measured(correctness.ANSWER_METRICS):
             yield from (ABOUT_PROXIES, METRICS["wrong_hit_share"].meaning)
         yield _about_truth(numbers)
     elif section == prices.PRICES:
@@ -456,6 +462,6 @@ def _notes(section: str, numbers: _Numbers) -> Iterator[str]:
 
 def _about_truth(numbers: _Numbers) -> str:
     """What false objects and the like are compared with, or why there are none."""
-    if not numbers.is_measured(correctness.HELD):
+    if not numbers.is_measured(correctness.HELD_METRICS):
         return NO_TRUTH
     return f"{ABOUT_TRUTH} {ABOUT_ZERO_DELAY}" if numbers.zero_delay() else ABOUT_TRUTH

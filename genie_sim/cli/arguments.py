@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -236,14 +235,26 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
     """``49.01,8.42,112.8``: latitude and longitude in degrees, altitude in metres."""
     if text is None:
         return None
-    with suppress(ValueError):
-        # float() reads the digits of every script, and 4_9
-        numbers = text.split(",") if text.isascii() and "_" not in text else ()
-        latitude, longitude, altitude_m = map(float, numbers)
-        if abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude_m):
-            return latitude, longitude, altitude_m
-    expected = "latitude and longitude in degrees and altitude in metres, such as 49.01,8.42,112.8"
-    raise UserError(f"{option}: {short_repr(text)}: expected {expected}")
+    try:
+        if not text.isascii() or "_" in text:  # float() reads the digits of every script, and 4_9
+            raise ValueError
+        latitude, longitude, altitude_m = map(float, text.split(","))
+    except ValueError as error:
+        raise UserError(
+            f"{option}: {short_repr(text)}: expected latitude, longitude and altitude, "
+            "for example 49.01,8.42,112.8"
+        ) from error
+    for name, value, limit in (("latitude", latitude, 90), ("longitude", longitude, 180)):
+        if not abs(value) <= limit:
+            raise UserError(
+                f"{option}: {short_repr(text)}: {name} {value} is not between "
+                f"-{limit} and {limit} degrees"
+            )
+    if not math.isfinite(altitude_m):
+        raise UserError(
+            f"{option}: {short_repr(text)}: altitude {altitude_m} must be a number of metres"
+        )
+    return latitude, longitude, altitude_m
 
 
 def quantity(option: str, text: str, read: Callable[[object], Any]) -> Any:

@@ -89,6 +89,10 @@ class Trace(Drive):
     clock; ``None`` for a car that drove alone. ``digest`` is the sha256 of origin, frames and
     sequence: it does not change with the name, the provenance or the Parquet version, nor with
     the features, whose own digests are in the provenance.
+
+    Of ``provenance`` are read: ``detector`` and ``drive``, by which maps choose their laws; these,
+    ``weights_sha256`` and ``parameters``, which ``sources.encoded_beside`` compares and, with
+    ``drive_sha256``, ``kitti.trace_check``; ``features``, what ``feature_facts`` gives.
     """
 
     name: str
@@ -157,8 +161,7 @@ def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[
 
 def check_replaceable(path: Path) -> None:
     """Raises ``UserError`` where a trace may not be written: what is there is none."""
-    of_all = ("format_version", "origin", "digest", "provenance")
-    parquet.check_replaceable(path, (*of_all, "name", "sequence"))
+    parquet.check_replaceable(path, (*world_table.FACTS, "name", "sequence"))
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
@@ -197,8 +200,8 @@ def read_trace(path: Path) -> Trace:
     """Read a trace and check all of it.
 
     Raises UserError, naming file and field, for a missing, truncated, altered or foreign file,
-    another format version, a missing column, time stamps out of order and poses that are not
-    numbers.
+    another format version, a missing column, time stamps or numbers of frames out of order and
+    poses that are not numbers.
     """
     table, about = world_table.read(path, "trace", _schema(), "name", optional=_is_more)
     with as_user_error(f"{path}: a row cannot be read", TypeError, ValueError):
@@ -240,6 +243,8 @@ def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[Trace
             raise UserError(
                 f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}"
             )
+        if earlier and frame.index <= earlier[-1].index:
+            raise UserError(f"{where}: index does not follow {earlier[-1].index}")
         if frame.kind not in KINDS:
             raise UserError(f"{where}: {unknown('kind of sensor', frame.kind, KINDS)}")
         if frame.stamp_ns > MAX_STAMP_NS:

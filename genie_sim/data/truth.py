@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL
+from genie_sim.base import parquet
+from genie_sim.base.classes import CANONICAL, class_of
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
@@ -68,7 +69,8 @@ class TruthRow(NamedTuple):
 @dataclass(frozen=True)
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
-    trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
+    trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin, rows, reach
+    and range.
 
     An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
@@ -143,7 +145,7 @@ class RecordedTruth:
         for frame, label in zip(frames, labels, strict=True):
             if frame is not last:  # many are about one frame
                 last, of_frame = frame, self._spans.get(_key(frame), {})
-            spans += of_frame.get(label, (0, 0))
+            spans += of_frame.get(class_of(label), (0, 0))
         begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
         row, index = rows_of_spans(begins, counts)
         there_m = self._places_m[row]
@@ -155,6 +157,11 @@ class RecordedTruth:
 
 def _key(frame: Any) -> tuple[str, int]:
     return frame.camera, frame.index
+
+
+def check_replaceable(path: Path) -> None:
+    """Raises ``UserError`` where a table may not be written: what is there is none."""
+    parquet.check_replaceable(path, (*world_table.FACTS, "trace", "tolerance_m", "range_m"))
 
 
 def write_truth(path: Path, table: TruthTable) -> None:

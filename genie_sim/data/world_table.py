@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 FORMAT_VERSION = 1
+FACTS = ("format_version", "origin", "digest", "provenance")  # of all files
 MAX_ORIGIN = (90.0, 180.0, 1e5)
 # Of a plane that nobody placed on Earth: some place must be written down, no result depends on it.
 SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)
@@ -90,7 +91,7 @@ def read(
     if not is_origin(origin):
         raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
     about["origin"] = tuple(origin)
-    for name in schema.names:
+    for name in table.column_names:
         if table.column(name).null_count:
             raise UserError(f"{path}: column {name!r} has empty values")
     return table, about

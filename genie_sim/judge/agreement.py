@@ -30,10 +30,14 @@ class Agreement:
         """Notes an answer; answers come in order."""
         self._answers.append(answer)
         if len(self._answers) >= self._window:
-            self.close()
+            self._write()
 
     def close(self) -> None:
-        """Writes the rows of all answers so far."""
+        """There are no more answers."""
+        self._write()
+
+    def _write(self) -> None:
+        """Writes the rows of the window."""
         answers, self._answers = self._answers, []
         served, of_served = ShownObjects.of([answer.served for answer in answers], self._labels)
         detected, of_detected = ShownObjects.of(

@@ -5,7 +5,15 @@ compared with the truth of that very instant, not with that of the frames that i
 about: a late answer counts as a wrong one (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towards
 Streaming Perception", ECCV 2020).
 
-During the run scenes and answers are only noted; a window of them is judged at once.
+During the run scenes and answers are only noted; a window of them is judged at once. Its arrays
+hold indices and codes:
+
+- a *scene* is a row of ``SceneViews``: one car, one frame, one list of objects, those of the
+  consumer or those of the zero-delay detector. An *instant* has one scene of a consumer, and one of
+  the detector unless an earlier method had it;
+- a *camera* is a code of a car and a stream, a *turn* the number of an instant among its camera's;
+- *label* and *class_* are codes of names, which share one numbering (``LabelCodes``); *car* is the
+  number of a car, *place* a code of a class and a place (``RecentPlaces``).
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -308,7 +316,12 @@ class ConsumerJudge:
             north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
             judgement=np.append(judged.judgement[is_held], np.full(len(missed.scene), MISSED)),
         )
-        spans.add(objects, camera[instants], turn[instants], views.now_ns[instants])
+        spans.add(
+            objects,
+            camera_of=camera[instants],
+            turn_of=turn[instants],
+            now_ns=views.now_ns[instants],
+        )
 
 
 def _per_scene(scene: Array, selection: Array, scenes: int) -> Array:

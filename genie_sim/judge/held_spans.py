@@ -70,7 +70,9 @@ class HeldSpans:
         # by camera: what was held or missed at its last instant, and since when [ns]
         self._open: dict[int, tuple[JudgedObjects, Array]] = {}
 
-    def add(self, judged: JudgedObjects, camera: Array, turn: Array, now_ns: Array) -> None:
+    def add(
+        self, judged: JudgedObjects, *, camera_of: Array, turn_of: Array, now_ns: Array
+    ) -> None:
         """Adds the objects of a window, and of each instant (instants,) its camera, its turn, which
         is its number among those of the camera, and its time [ns].
 
@@ -85,9 +87,9 @@ class HeldSpans:
             next turn              1     3     5
             span ends            200   400  open
         """
-        instants = _by_turn(camera, turn)
+        instants = _by_turn(camera_of, turn_of)
         begin_ns = now_ns[instants[judged.camera, judged.turn]]
-        spans, begin_ns = _spans(*self._with_open(judged, begin_ns, camera))
+        spans, begin_ns = _spans(*self._with_open(judged, begin_ns, camera_of))
 
         end = instants[spans.camera, spans.turn + 1]
         over = np.flatnonzero(end != NONE)

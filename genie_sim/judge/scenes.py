@@ -31,7 +31,8 @@ class RealObject(Protocol):
 class DriveTruth(Protocol):
     """What is really there on one car's drive.
 
-    It is asked after the instants that it is asked about.
+    It is asked after the instants that it is asked about. Labels are those of detections; what has
+    the same class (``base.classes.class_of``) is the same.
     """
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.analysis.genie_metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import GENIE_PLACEMENTS
 from genie_sim.paper import table1
 from genie_sim.paper.claims import (
     Claim,
@@ -39,9 +39,9 @@ FIRST = Number("first_answer_mean")
 # method -> the scenarios in which a car's board, or an equal one, detects
 BOARDS = {"local": ALL, "remote": HO}
 BASELINES = {"L": "local", "R": "remote"}
-BOTH_OBJECTS = tuple(placed("object_reuse", placement) for placement in PLACEMENTS)
-BOTH_IMAGES = tuple(placed("image_reuse", placement) for placement in PLACEMENTS)
-BOTH_BOOSTS = tuple(placed("confidence_boost", placement) for placement in PLACEMENTS)
+BOTH_OBJECTS = tuple(placed("object_reuse", placement) for placement in GENIE_PLACEMENTS)
+BOTH_IMAGES = tuple(placed("image_reuse", placement) for placement in GENIE_PLACEMENTS)
+BOTH_BOOSTS = tuple(placed("confidence_boost", placement) for placement in GENIE_PLACEMENTS)
 EDGE_BOOST = placed("confidence_boost", "edge")
 
 
@@ -144,12 +144,14 @@ def _c9(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c12(evidence: Evidence, claim: Claim) -> Finding:
-    bars = [evidence.of(s, placed("object_reuse", where)) for s in ALL for where in PLACEMENTS]
+    bars = [
+        evidence.of(s, placed("object_reuse", where)) for s in ALL for where in GENIE_PLACEMENTS
+    ]
     highest = max(bars, key=lambda bar: float(np.nan_to_num(bar).mean()))
     ends = [
         np.nan_to_num(evidence.of(s, placed("object_reuse_highest", where))).mean()
         for s in ALL
-        for where in PLACEMENTS
+        for where in GENIE_PLACEMENTS
     ]
     return matches(claim, highest, note=f"highest running ratio {100 * max(ends):.0f} %")
 
@@ -214,7 +216,7 @@ def _c21(evidence: Evidence, claim: Claim) -> Finding:
                 ("highest", placed("image_reuse_highest", place)),
             )
         }
-        for place in PLACEMENTS
+        for place in GENIE_PLACEMENTS
     ]
     on_edges = {name: effect for leg in legs for name, effect in leg.items() if "edge mean" in name}
     return all_positive(_mean_effect(on_edges), *legs)
@@ -243,7 +245,7 @@ def _c26(evidence: Evidence, claim: Claim) -> Finding:
             evidence.of(s, placed("stored_confidence", place)),
         )
         for s in ALL
-        for place in PLACEMENTS
+        for place in GENIE_PLACEMENTS
     }
     on_edges = [effect for name, effect in effects.items() if name.endswith("edge")]
     return all_positive(
@@ -429,7 +431,8 @@ def _more_on(
 ) -> dict[str, Effect]:
     """That it is larger on edges than on cars, or the other way round, by scenario."""
     there, elsewhere = sorted(
-        (placed(name, where) for where in PLACEMENTS), key=lambda number: number.placement != place
+        (placed(name, where) for where in GENIE_PLACEMENTS),
+        key=lambda number: number.placement != place,
     )
     return {s: more(evidence.of(s, there), evidence.of(s, elsewhere)) for s in scenarios}
 

@@ -50,7 +50,7 @@ def of_run(scenario: str, columns: Mapping[str, Columns]) -> dict[Key, Points]:
     """The curves of a run of a scenario of the paper, from its ``frames`` and ``lookups``."""
     curves = dict(_times(columns["frames"], scenario == CASE))
     maps = genie_metrics.objects(columns["lookups"])
-    for placement in genie_metrics.PLACEMENTS:
+    for placement in genie_metrics.GENIE_PLACEMENTS:
         boost = genie_metrics.running_boost(maps.where(placement=placement))
         if len(boost):
             curves["boost", placement] = _thinned(boost["events"], boost["boost"])

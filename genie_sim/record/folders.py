@@ -148,7 +148,9 @@ def _take_over(earlier: Path, folder: Path, shown: Collection[str]) -> None:
         for path in (Path(where, name) for name in (*folders, *files)):
             name = path.relative_to(earlier)
             is_file = path.is_file() and not path.is_symlink()
-            if name.as_posix() in stale or os.path.lexists(folder / name) or PARTIAL in path.name:
+            if name.as_posix() in stale or os.path.lexists(folder / name):
+                continue
+            if _LEFTOVER.fullmatch(path.name):
                 continue
             if path.is_symlink():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)

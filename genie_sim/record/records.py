@@ -81,7 +81,7 @@ class LookupRow(NamedTuple):
     of time.
     """
 
-    # ``log.Log`` writes each kind of look-up as a tuple in this order.
+    # ``log.Log`` writes rows as tuples in this order.
 
     method: Method
     t_ns: Annotated[int, "ns", "simulated time"]
@@ -146,6 +146,8 @@ class ResourceRow(NamedTuple):
     order of time.
     """
 
+    # ``log.Log`` writes rows as tuples in this order.
+
     method: Method
     t_ns: Annotated[int, "ns", "simulated time of the sample"]
     resource: Annotated[
@@ -183,6 +185,8 @@ class PoseRow(NamedTuple):
     that the car drives with, in order of time; the same under every other.
     """
 
+    # ``log.Log`` writes rows as tuples in this order.
+
     method: Method
     car: Car
     stream: Stream
@@ -202,6 +206,8 @@ class ObjectRow(NamedTuple):
     same `genie` and `object`; the map holds it from the first of them until the one without a
     confidence. An object of a map that tracks moves.
     """
+
+    # ``log.Log`` writes rows as tuples in this order.
 
     method: Method
     t_ns: Annotated[int, "ns", "simulated time"]
@@ -305,6 +311,8 @@ class StepRow(NamedTuple):
     frame was received until the consumer had it; in order of time, answer by answer. A step begins
     when the one before it ends, so they add up to the response time.
     """
+
+    # ``log.Log`` writes rows as tuples in this order.
 
     method: Method
     car: Car

@@ -5,11 +5,12 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import compare_tables, renderers, style, summary
+from genie_sim.analysis import compare_tables, renderers, seed_runs, style, summary
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
+from genie_sim.base.errors import UserError
 from genie_sim.base.paths import usable
 from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Columns, concat
@@ -141,6 +142,8 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     """
     from genie_sim.analysis.figures import save_all
 
+    if any((folder / about).exists() for about in ("run.json", seed_runs.ABOUT)):
+        raise UserError(f"{folder}: a result is in that folder, with figures; say where else")
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for name, suffix in renderers.FORMATS.items():

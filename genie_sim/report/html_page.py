@@ -64,6 +64,7 @@ def page(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" = N
                 ),
                 Section("Results", [template.table(main), template.note(summary.ABOUT_INTERVALS)]),
                 Section("Figures", [template.figures(shown(run, style.RUN, drawn))]),
+                # its title makes the id that replay.js scrolls to
                 Section("Replay", [template.part("replay.html")] if replay is not None else []),
                 Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
                 Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),

@@ -1,4 +1,5 @@
 // The replay's clock and controls: one instant for the street and the strip of frames, under one method.
+// Uses all others of the replay, and the id of the section "Replay".
 
 const STEP_US = 100000; // of an arrow key
 const TICK_US = 10000; // of the slider

@@ -16,8 +16,8 @@ the differences::
     names, kinds, outcomes, whichs, judged    lists of texts
     parts               name and title of each part of the time
     streams             one a camera: car, stream, fov_mrad, first_id and first_frame (the id and
-                        the number of its first frame); of each frame stamp_us+, east_cm+,
-                        north_cm+, heading_mrad+
+                        the number of its first frame), lap_ids (the first of each further lap); of
+                        each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
     methods             name, title, and columns:
       frames            by id; since the stamp: received_ns, first_answer_us, result_answer_us,
                         fresh_answer_us; outcome; of names: source, served_by, drop;
@@ -136,7 +136,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             for car in scenario["cars"]
         ],
         "edges": [edge["name"] for edge in scenario["edges"]],
-        "streams": list(_streams(poses)),
+        "streams": list(_streams(poses, run.tables["frames"])),
         "methods": [
             {
                 "name": method.name,
@@ -169,7 +169,7 @@ def _of_method(
     texts : mapping of str to _Names
         Get the texts of all rows.
     stretch_ns : tuple of int
-        The first and the last instant that are shown.
+        The first instant that is shown, and the end, which is not.
     """
     tables = {name: table.where(method=method) for name, table in run.tables.items()}
     begin_ns, end_ns = stretch_ns
@@ -197,8 +197,8 @@ def _last_instant_ns(run: "Run") -> int:
 
 
 def _end_ns(run: "Run", begin_ns: int) -> int:
-    """The last instant that is shown: that of the run, else as many whole seconds as fit, at least
-    one.
+    """The end of what is shown: just after the run, else after as many whole seconds as fit, at
+    least one.
     """
     tables = {"frames": "stamp_ns", "lookups": "stamp_ns", "steps": "stamp_ns"}
     tables["held_objects"] = "begin_ns"
@@ -207,7 +207,7 @@ def _end_ns(run: "Run", begin_ns: int) -> int:
     )
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MAX_ROWS:
-        return _last_instant_ns(run)
+        return _last_instant_ns(run) + 1
     return begin_ns + max((int(instants[first + MAX_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
 
 
@@ -233,24 +233,28 @@ def _places(poses: Columns, table: Columns, column: str) -> "Column":
     return np.where(has_camera & in_range & (keys[places] == wanted_keys), places, UNKNOWN)
 
 
-def _streams(poses: Columns) -> Iterator[dict[str, Any]]:
+def _streams(poses: Columns, frames: Columns) -> Iterator[dict[str, Any]]:
     """The frames of each camera in order: when and where they were taken. A frame's id is its place
     in ``poses``.
     """
+    laps, ids = np.zeros(len(poses), dtype=int), _places(poses, frames, "frame")
+    laps[ids[ids != UNKNOWN]] = frames["lap"][ids != UNKNOWN]
     changed = (np.diff(poses["car"].codes) != 0) | (np.diff(poses["stream"].codes) != 0)
     begins = [0, *(np.flatnonzero(changed) + 1).tolist(), len(poses)]
     for begin, end in pairwise(begins):
-        frames = poses.rows(slice(begin, end))
+        of_stream = poses.rows(slice(begin, end))
+        lap_ids = begin + 1 + np.flatnonzero(np.diff(laps[begin:end]))
         yield {
-            "car": frames["car"].tolist()[0],
-            "stream": frames["stream"].tolist()[0],
+            "car": of_stream["car"].tolist()[0],
+            "stream": of_stream["stream"].tolist()[0],
             "first_id": begin,
-            "first_frame": int(frames["frame"][0]),
-            "fov_mrad": round(1000 * float(frames["horizontal_fov_rad"][0])),
-            "stamp_us": deltas(frames["stamp_ns"] // US),
-            "east_cm": deltas(scaled(frames["east_m"], 100)),
-            "north_cm": deltas(scaled(frames["north_m"], 100)),
-            "heading_mrad": deltas(scaled(frames["heading_rad"], 1000)),
+            "first_frame": int(of_stream["frame"][0]),
+            "lap_ids": lap_ids.tolist(),
+            "fov_mrad": round(1000 * float(of_stream["horizontal_fov_rad"][0])),
+            "stamp_us": deltas(of_stream["stamp_ns"] // US),
+            "east_cm": deltas(scaled(of_stream["east_m"], 100)),
+            "north_cm": deltas(scaled(of_stream["north_m"], 100)),
+            "heading_mrad": deltas(scaled(of_stream["heading_rad"], 1000)),
         }
 
 

@@ -1,4 +1,5 @@
 // Pens and marks of the replay's canvases. Outcomes differ in shape as well as in colour.
+// Uses replay_elements.js, replay_model.js.
 
 function prepareCanvas(canvas) {
   const ratio = window.devicePixelRatio || 1,

@@ -1,6 +1,7 @@
 // What a replay knows: frames, look-ups and held objects of every method, found by frame or by instant. The page's
 // data are those that `replay.py` tells of, field by field; instants are microseconds since the start of the run,
 // places metres east and north.
+// Uses replay_elements.js.
 
 const inMs = (us) => `${us < 0 ? "\u2212" : ""}${(Math.abs(us) / 1000).toFixed(1)} ms`;
 const countOf = (objects) => `${objects} object${objects === 1 ? "" : "s"}`;
@@ -23,7 +24,9 @@ function decode(replay) {
       frames.stream.push(index);
       frames.number.push(of.first_frame + i);
     });
-    return { car: of.car, name: of.stream, first: of.first_id, count: stamp.length, stamp, fov: of.fov_mrad / 1000 };
+    const laps = new Set(of.lap_ids),
+      fov = of.fov_mrad / 1000;
+    return { car: of.car, name: of.stream, first: of.first_id, count: stamp.length, stamp, laps, fov };
   });
   const cars = replay.cars
     .map((car) => ({ ...car, streams: streams.filter((stream) => stream.car === car.name) }))
@@ -131,16 +134,15 @@ function outcomeText(run, method, id) {
 
 // Where a car is at `t`, between two of its frames.
 function carAt(run, car, t) {
-  const { stamp, first, count, fov } = car.streams[0],
+  const { stamp, first, count, laps, fov } = car.streams[0],
     i = lastUpTo(stamp, t),
     { east, north, heading } = run.frames;
   const id = first + Math.max(i, 0),
     next = id + 1;
   const here = { east: east[id], north: north[id], heading: heading[id], fov, there: i >= 0 };
   if (i < 0 || i + 1 >= count) return { ...here, there: i >= 0 && t - stamp[i] < 1e6 };
-  const gap = stamp[i + 1] - stamp[i],
-    share = (t - stamp[i]) / gap;
-  if (gap > LAP_US) return here;
+  if (laps.has(next)) return here;
+  const share = (t - stamp[i]) / (stamp[i + 1] - stamp[i]);
   const turn = Math.atan2(Math.sin(heading[next] - here.heading), Math.cos(heading[next] - here.heading));
   return {
     ...here,

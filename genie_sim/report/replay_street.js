@@ -1,9 +1,9 @@
 // The street from above at one instant of simulated time, under one method.
+// Uses replay_elements.js, replay_model.js, replay_canvas.js.
 
 const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
 const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
 const TRAIL_US = 12e6; // how much of the past stays painted on the road
-const LAP_US = 500000; // frames of a camera that are so far apart are of two laps
 const OUTERMOST = 0.01; // of what is held, on each side: it may lie outside
 const NAME_PX = 14; // height of a car's name: of cars close to each other one stands above the other
 const EDGE_BAND = 58; // pixels above the street for the edges, which have no place on the map
@@ -121,8 +121,9 @@ class Street {
     pen.lineWidth = Math.max(4 * view.scale, 8);
     pen.beginPath();
     for (let i = 0; i < stream.count; i += 1) {
-      const place = view.place(frames.east[stream.first + i], frames.north[stream.first + i]);
-      if (i === 0 || stream.stamp[i] - stream.stamp[i - 1] > LAP_US) pen.moveTo(...place);
+      const id = stream.first + i,
+        place = view.place(frames.east[id], frames.north[id]);
+      if (i === 0 || stream.laps.has(id)) pen.moveTo(...place);
       else pen.lineTo(...place);
     }
     pen.stroke();

@@ -1,4 +1,5 @@
 // Every frame of every camera under one method, on an axis of time.
+// Uses replay_elements.js, replay_model.js, replay_canvas.js.
 
 const CELL_PX = 6; // a frame in the strip is at least about that broad
 const ROW_PX = 15; // a camera

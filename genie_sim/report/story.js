@@ -1,5 +1,6 @@
 // One frame's story: what became of it, and step by step what happened, under one method. Milliseconds count from the
 // camera's stamp, as in the metrics.
+// Uses replay_elements.js, replay_model.js.
 
 const SOURCES = {
   own_cache: "the message cache of its own Genie",

@@ -181,9 +181,11 @@ def filterable(html: str) -> str:
 
 
 def figures(drawn: "Mapping[str, Figure]") -> str:
-    """Figures, as sources of pictures, where scripts in them would not run."""
+    """Figures, as sources of pictures, where scripts in them would not run; nothing for none."""
     from genie_sim.analysis.figures import svg
 
+    if not drawn:
+        return ""
     return (
         f'<div class="figures">{"".join(_figure(each, svg(each)) for each in drawn.values())}</div>'
     )

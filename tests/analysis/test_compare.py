@@ -249,6 +249,31 @@ def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
         compare_tables.text(compare(usual[:1]), "md")
 
 
+def read_again(run: Run, **scenario: object) -> Run:
+    """The run as if its trace had been written anew."""
+    traces = run.facts["traces"] | {"car1": "0" * 64}
+    scenario = run.facts["scenario"] | scenario
+    return replace(run, run_id="0" * 12, facts=run.facts | {"traces": traces, "scenario": scenario})
+
+
+def test_runs_that_read_other_data_are_two_settings(usual: list[Run]):
+    made = compare([usual[0], read_again(usual[0])])
+    assert len(made.names) == 2 and list(made.settings) == ["traces.car1"]
+    assert '<h2 id="h-figures">' not in comparison.page(made, {}), "no heading of nothing"
+    with pytest.raises(UserError, match="no seed in common"):
+        compare([usual[0], read_again(usual[1])])
+
+
+def test_runs_of_one_seed_whose_worlds_differ_are_not_called_the_same(usual: list[Run]):
+    """The seed decides a world's digest, too, so that it tells no settings apart."""
+    in_town = {"perception": {"source": "town"}}
+    scenario = usual[0].facts["scenario"] | in_town
+    first = replace(usual[0], facts=usual[0].facts | {"scenario": scenario})
+    with pytest.raises(UserError, match=r"same setting and seed, in traces\.car1$"):
+        compare([first, read_again(usual[0], **in_town)])
+    assert len(compare([first, read_again(usual[1], **in_town)]).names) == 1
+
+
 def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     made = compare(usual[:1])
     rows = list(csv.DictReader(io.StringIO(compare_tables.text(made, "csv"))))
@@ -286,6 +311,14 @@ def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
     assert len(names) == 10
     for name in names:
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
+
+
+@pytest.mark.parametrize("about", ["run.json", "sweep.json"])
+def test_a_comparison_replaces_no_figure_of_a_result(usual: list[Run], tmp_path: Path, about: str):
+    (tmp_path / about).write_text("{}")
+    with pytest.raises(UserError, match="a result is in that folder"):
+        comparison.write(compare(usual[:1]), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [about]
 
 
 @pytest.mark.slow

@@ -116,6 +116,7 @@ def test_results_that_say_differently_of_it_keep_their_words_and_are_not_compare
     made = compare([first, other])
     assert "own_metric:slow" not in {row.metric for row in made.rows}
     assert "Without own_metric:slow: results say of it both " in made.left_out
+    assert "own_metric:slow" not in compare_tables.text(made, "csv")
     with pytest.raises(UserError, match=r"^compare: own_metric:slow: .* not one metric"):
         compare([first, other], metrics=["own_metric:slow"])
 

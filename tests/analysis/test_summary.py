@@ -256,6 +256,9 @@ def test_every_placement_method_and_component_has_its_own_number():
     assert row_of(markdown(run), "object reuse on cars [%]") == ["33"]
     assert row_of(markdown(run), "object reuse on edges [%]") == ["44"]
     assert row_of(markdown(run), "streaming F1 [%]") == ["55", "66", "77"]
+    run += [MetricValue("lap_f1", "local", "all", "1", 0.88, "1")]
+    of_lap = summary.main_table(run_of(run), ("lap_f1",))
+    assert of_lap.headings == ["", "local (L)"], "a method's lap is none of the detector's"
 
 
 def test_a_resource_that_is_overloaded_is_named_in_one_line():

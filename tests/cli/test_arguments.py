@@ -27,10 +27,11 @@ READ = {
         "49.01,8.42,112.8": (49.01, 8.42, 112.8),
         "-90,-180,-10": (-90.0, -180.0, -10.0),
         "90,180,0": (90.0, 180.0, 0.0),
-        **dict.fromkeys(
-            ("90.1,0,0", "0,-180.1,0", "nan,0,0", "0,0,inf", "0,0", "٤,0,0", "4_9,0,0"),
-            "expected latitude and longitude in degrees",
-        ),
+        "90.1,0,0": "latitude 90.1",
+        "0,-180.1,0": "longitude -180.1",
+        "nan,0,0": "latitude nan",
+        "0,0,inf": "altitude inf",
+        **dict.fromkeys(("0,0", "٤,0,0", "4_9,0,0"), "expected latitude, longitude and altitude"),
     },
     arguments.listed: {
         None: [],

@@ -220,6 +220,7 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         ([("ok.txt", "x"), ("kept", "y")], "'kept' is a file where a folder is"),
         ([("ok.txt", "x"), ("kept/a.txt/b", "y")], "'kept/a.txt/b' is a file where a folder is"),
         ([("bomb.txt", b"\0" * 10**7)], "unpacks to 10,000,000 bytes from"),
+        ([("ok.txt", "x"), ("a.txt", "y"), ("./ok.txt", "z")], "'./ok.txt' is there twice"),
         ([("Q", "x")], "'' is no name of a file"),
         ([(".", "x")], "is no name of a file"),
         ([(f"{i}.txt", b"\0" * 250_000) for i in range(40)], "unpacks to 10,000,000 bytes from"),

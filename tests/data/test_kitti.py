@@ -169,6 +169,7 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (STAMPS, None, "timestamps.txt: "),
         (STAMPS, (SECOND_STAMP, "32.0"), "timestamps.txt: line 2"),
         (STAMPS, ("2011-09-26", "yesterday"), "timestamps.txt: line 1"),
+        (STAMPS, ("\n2011-09-26", "\n\n2011-09-26"), "timestamps.txt: line 2: is empty"),
     ],
 )
 def test_a_broken_folder_is_refused(root, path, change, place):

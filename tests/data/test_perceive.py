@@ -66,6 +66,33 @@ def test_a_trace_checked_where_it_was_made_is_the_same(street, trace):
     assert detections.endswith(", 0 are not found here, and 0 are new")
 
 
+class Mine:
+    name, file_name, sha256, size = "mine", "yolox_nano.onnx", "0" * 64, (96, 32)
+
+    def __init__(self, weights: Path, size: object = None, min_score: float = 0.3) -> None:
+        pass
+
+    def detect(self, _: np.ndarray) -> object:
+        return [("car", 0.9, (1, 2, 30, 40))]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"name": "tests.data.test_perceive:Mine"}, {"classes": {"car": "none"}, "threads": 2}],
+    ids=["own detector", "map"],
+)
+def test_a_trace_is_made_again_as_it_was(street, tmp_path, settings):
+    root, weights = street
+    trace = perceived(root, weights, **settings)
+    here = DetectorSettings(settings.get("name", "yolox_nano"), weights)
+    assert perceive_again(root, trace, here).frames == trace.frames
+    with pytest.raises(UserError, match="makes it") as told:
+        encoded_beside(tmp_path / "x.parquet", trace, "png")
+    command = str(told.value).partition("'")[2].rpartition("'")[0]
+    wanted = {"own detector": "--detector MODULE:CLASS", "map": "--threads 2 --map car=none"}
+    assert wanted["map" if "classes" in settings else "own detector"] in command
+
+
 def test_what_another_environment_finds_is_counted(trace):
     (first, second, *others) = trace.frames["02"]
     (car,) = second.detections
@@ -85,6 +112,9 @@ def test_only_the_same_weights_and_files_can_be_checked(street, trace):
     other = replace(trace, provenance={**trace.provenance, "weights_sha256": "0" * 64})
     with pytest.raises(UserError, match="other weights"):
         perceive_again(root, other, DetectorSettings(weights=weights))
+    own = DetectorSettings("tests.data.test_perceive:Mine", weights=weights)
+    with pytest.raises(UserError, match="another detector"):
+        perceive_again(root, trace, own)
     with pytest.raises(UserError, match="not perceived from a drive"):
         perceive_again(root, replace(trace, provenance={}), DetectorSettings(weights=weights))
 

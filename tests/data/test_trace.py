@@ -164,6 +164,10 @@ def test_another_program_s_files_are_refused(path):
             lambda table: table.set_column(0, "camera", pa.array(["02"] * 6 + [None])),
             "'camera' has empty values",
         ),
+        (
+            lambda table: table.append_column("feature_x", pa.array([b"1"] * 6 + [None])),
+            "'feature_x' has empty values",
+        ),
         (lambda table: table.slice(0, 0), "no frames"),
         (lambda table: table.slice(1), "does not match its own digest"),
     ],
@@ -183,6 +187,7 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
             (trace_frame(index=1), trace_frame(index=0)),
             "frame 0: stamp_ns 0 does not follow 103380000",
         ),
+        ((trace_frame(), trace_frame(stamp_ns=1)), "frame 0: index does not follow 0"),
         ((trace_frame(pose=CameraPose(0.0, math.nan, 0.0, 0.0)),), "pose"),
         (
             (trace_frame(pose=CameraPose(0.0, 0.0, 0.0, 1e308)),),

@@ -12,7 +12,13 @@ from genie_sim.base.classes import CANONICAL
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.importers.trace_import import ImportedCar, new_detection, scan_frame, traces
+from genie_sim.data.importers.trace_import import (
+    ImportedCar,
+    new_detection,
+    scan_frame,
+    traces,
+    write_cars,
+)
 from genie_sim.data.truth import TruthObject
 from tests.data.made_drives import CHECKS, READERS, cases, steady, told
 
@@ -73,6 +79,15 @@ def test_truth_goes_with_its_frames_however_they_are_ordered_and_numbered():
         (2, 2 * 10**9, 0, "car", 15.0),
     ]
     assert [frame.stamp_ns for frame in trace.frames["sensor"]] == [0, 10**9, 2 * 10**9]
+
+
+@pytest.mark.parametrize("file", ["car2.parquet", "car2.truth.parquet"])
+def test_a_file_of_somebody_else_is_found_before_anything_is_written(tmp_path: Path, file: str):
+    imported = car_with((0.0, "car", 8.0), (1.0, "car", 8.0), report=ImportReport("made up"))
+    (tmp_path / file).write_text("mine")
+    with pytest.raises(UserError, match=f"{file}: is there already"):
+        write_cars(tmp_path, {"car1": imported, "car2": imported})
+    assert [path.name for path in tmp_path.iterdir()] == [file]
 
 
 @pytest.mark.parametrize(

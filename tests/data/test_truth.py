@@ -116,6 +116,7 @@ def test_a_table_says_how_far_its_labels_reach(trace, tmp_path):
     truth, frame = RecordedTruth(again), trace.frames["02"][0]
     assert truth.range_m == 100.0
     assert is_there(truth, frame, "car", 11.9, 2.0) and not is_there(truth, frame, "car", 12.1, 2.0)
+    assert is_there(truth, frame, "truck", 11.9, 2.0), "compared as a car"
 
 
 @pytest.mark.parametrize("changes", [{"range_m": 0}, {"range_m": "2 m"}, {"range_m": 1e9}])

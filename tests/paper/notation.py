@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from genie_sim.analysis.genie_metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import GENIE_PLACEMENTS
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.numbers import SCHEMA, Number, Numbers
 
@@ -16,7 +16,7 @@ from genie_sim.paper.numbers import SCHEMA, Number, Numbers
 def number(text: str) -> Number:
     """A metric, then its placement or method (none: Genie's), then its component."""
     metric, place, component, *_ = f"{text}::".split(":")
-    if place in PLACEMENTS:
+    if place in GENIE_PLACEMENTS:
         return Number(metric, placement=place, component=component)
     return Number(metric, place or "genie", component=component)
 

@@ -48,11 +48,13 @@ def test_what_somebody_put_into_a_result_stays_when_it_is_made_again(tmp_path):
     (elsewhere / "precious").write_text("precious")
     (final / "run.json").write_text("{}")
     (final / "page.html").write_text("of before")
-    (final / "mine" / "notes.txt").write_text("mine")
+    (final / "mine" / "notes.partial.md").write_text("mine")
+    (final / ".summary.md.0123abcd.partial").write_text("half")
     (final / "link").symlink_to(elsewhere)
     with result_folder(final, ("page.html",)) as partial:
         (partial / "run.json").write_text("[]")
-    assert (final / "mine" / "notes.txt").read_text() == "mine"
+    assert (final / "mine" / "notes.partial.md").read_text() == "mine"
+    assert not (final / ".summary.md.0123abcd.partial").exists()
     assert (final / "link").is_symlink() and (elsewhere / "precious").read_text() == "precious"
     assert (final / "run.json").read_text() == "[]" and not (final / "page.html").exists()
 
@@ -276,8 +278,11 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
     made |= {"metrics": {}, "rows": {}}
     provenance.write_json(tmp_path / "run.json", made)
     assert provenance.read_run_json(tmp_path) == made
-    with pytest.raises(UserError, match=r"no run\.json"):
+    with pytest.raises(UserError, match=r"elsewhere: .* does not exist"):
         provenance.read_run_json(tmp_path / "elsewhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UserError, match=r"empty: .* no run\.json"):
+        provenance.read_run_json(tmp_path / "empty")
     (tmp_path / "run.json").write_text('{"format": 1}')
     with pytest.raises(
         UserError, match="made by an older genie-sim: format 1, this one reads 6; run it again"

@@ -199,6 +199,30 @@ def test_a_later_stretch_holds_what_was_held_before_it(run, monkeypatch):
     assert len(of_method(later, "genie")["held_objects"]["car"]) == len(known) > 5
 
 
+def test_the_first_frame_of_a_lap_is_told_however_far_frames_are_apart():
+    """Frames 1 s apart are of one lap, and those of two laps may follow without a pause."""
+    camera = {"name": "front", "recording": "02", "rate": "1 Hz"}
+    twice = {"cars[0].route.laps": 2, "cars[0].route.pause": "0 s"}
+    seldom = {"cameras": [camera], "methods": ["local"]}
+    run = short_run("street_1car_hetero", 1, 3.0, **twice, **seldom)
+    (stream,) = replay.replay_data(run, 0, [])["streams"]
+    is_far = np.diff(np.cumsum(stream["stamp_us"])) > 900_000
+    assert is_far.tolist() == [True, True, True, False, True, True, True]
+    assert stream["lap_ids"] == [4]
+
+
+def test_the_last_frame_is_shown_where_nothing_happens_after_it(run):
+    frames, lookups = run.tables["frames"], run.tables["lookups"]
+    answers = ("first_answer_ns", "result_answer_ns", "fresh_answer_ns")
+    frames = frames.assign(**dict.fromkeys(answers, frames["stamp_ns"]))
+    quiet = replace(run, tables={**run.tables, "frames": frames, "lookups": lookups.rows([])})
+    notes: list[str] = []
+    shown = replay.replay_data(quiet, 0, notes)
+    count = sum(len(stream["stamp_us"]) for stream in shown["streams"])
+    assert count == len(run.poses) and not notes
+    assert replay.replay_data(quiet, 1000 * NS, notes)["streams"], "a start beyond the end"
+
+
 def without_poses(run: gs.Run) -> gs.Run:
     return replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])})
 

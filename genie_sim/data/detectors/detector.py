@@ -169,7 +169,7 @@ class NanodetM(OnnxDetector):
     file_name = "nanodet_m_416.onnx"
     default_size = (416, 416)
     strides = (8, 16, 32)
-    outputs = 6  # scores of each stride, then distances of each stride
+    output_count = 6  # scores of each stride, then distances of each stride
     BINS = 8
     MEAN = np.array([103.53, 116.28, 123.675], dtype=np.float32)  # ImageNet's, in BGR
     STD = np.array([57.375, 57.12, 58.395], dtype=np.float32)
@@ -272,15 +272,15 @@ class RtDetr(Yolov8):
 
     name = "rtdetr"
     file_name = "rtdetr.onnx"
-    sized_outputs = 3
+    sized_output_count = 3
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
-        if self.outputs == self.sized_outputs:
+        if self.output_count == self.sized_output_count:
             return [(None,), (None, 4), (None,)]
         return [(None, 4 + len(self.labels))]
 
     def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        if self.outputs == self.sized_outputs:
+        if self.output_count == self.sized_output_count:
             classes, boxes, _ = outputs
             if (classes != np.rint(classes)).any() or (boxes[:, 2:] < boxes[:, :2] - 1e-3).any():
                 return "its outputs are no classes, corners of boxes and scores"
@@ -293,7 +293,7 @@ class RtDetr(Yolov8):
         """Centre and extent as shares, then the score of each class; or classes, corners and
         scores.
         """
-        if self.outputs == self.sized_outputs:
+        if self.output_count == self.sized_output_count:
             classes, boxes, best = outputs
             return boxes.astype(np.float64), _scores(classes, best, len(self.labels))
         output = outputs[0].astype(np.float64)

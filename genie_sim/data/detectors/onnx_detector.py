@@ -79,20 +79,20 @@ class OnnxDetector(ABC):
     """A detector: a picture in, labelled boxes out; pictures may be looked at on several threads.
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
-    (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
-    ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
-    outputs mean (``decode``). With the size of the picture as second input it has
-    ``sized_outputs``. ``gap`` names the feature that the mean over the backbone's last activation
-    makes, for networks that pool at several sizes there.
+    (width, height; ``None``: what the file says), the ``strides`` of its cells, the
+    ``output_count`` and the shapes of its outputs, how it wants a picture (``prepare``) and what
+    its outputs mean (``decode``). ``sized_output_count`` is that of a network with the size of the
+    picture as second input. ``gap`` names the feature that the mean over the backbone's last
+    activation makes, for networks that pool at several sizes there.
     """
 
     name: ClassVar[str]
     file_name: ClassVar[str]
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
-    outputs: int = 1
+    output_count: int = 1
     is_decoded: bool = False
-    sized_outputs: ClassVar[int] = 0
+    sized_output_count: ClassVar[int] = 0
     gap: ClassVar[str] = ""
     _kinds: ClassVar[list[type["OnnxDetector"]]] = []
 
@@ -123,9 +123,12 @@ class OnnxDetector(ABC):
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
-        counts = [(1, self.outputs), *([(2, self.sized_outputs)] * bool(self.sized_outputs))]
+        counts = [
+            (1, self.output_count),
+            *([(2, self.sized_output_count)] * bool(self.sized_output_count)),
+        ]
         network, self.sha256 = read_network(weights, counts)
-        self.weights, self.outputs = weights, len(network.graph.output)
+        self.weights, self.output_count = weights, len(network.graph.output)
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
@@ -271,7 +274,7 @@ class OnnxDetector(ABC):
         """
         blob, scale = self.prepare(image_bgr)
         outputs = self.infer(blob)
-        boxes = self._best_boxes(outputs[: self.outputs], scale, image_bgr.shape)
+        boxes = self._best_boxes(outputs[: self.output_count], scale, image_bgr.shape)
         gap = {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
         return boxes, gap
 
@@ -281,7 +284,7 @@ class OnnxDetector(ABC):
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
         with as_user_error(f"{weights}: is no {self.name} network", Exception):
             outputs = self.infer(blob, options)
-        shapes = [output.shape for output in outputs[: self.outputs]]
+        shapes = [output.shape for output in outputs[: self.output_count]]
         expected = self.output_shapes()
         if not all(map(_fits, shapes, expected)):
             wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
@@ -289,7 +292,7 @@ class OnnxDetector(ABC):
                 f"{weights}: is no {self.name} network: its output is "
                 f"{', '.join(map(str, shapes))}, expected {wanted}{self._other_kind(shapes)}"
             )
-        self._check_scores(outputs[: self.outputs])
+        self._check_scores(outputs[: self.output_count])
         if doubt := self.doubt(outputs):
             raise UserError(f"{weights}: is no {self.name} network: {doubt}")
         self.is_decoded = self.decodes(outputs)

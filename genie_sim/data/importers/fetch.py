@@ -207,6 +207,7 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
             f"{archive}: unpacks to {total:,} bytes from {packed:,}, "
             f"more than {MAX_RATIO} times as many"
         )
+    names: set[PurePosixPath] = set()
     for entry in entries:
         name = PurePosixPath(entry.filename)
         outside = (
@@ -219,6 +220,7 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
         for wrong, why in (
             (not name.name, "is no name of a file"),
             (outside, "leads out of the folder"),
+            (name in names, "is there twice"),
             (
                 not target.is_relative_to(root),
                 "leads out of the folder, by a link that is there already",
@@ -235,3 +237,4 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
         ):
             if wrong:
                 raise UserError(f"{archive}: {entry.filename!r} {why}")
+        names.add(name)

@@ -77,8 +77,8 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
             raise UserError(f"{place}: time_s: {problem}")
     columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
     for column, numbers in zip(given, values, strict=True):
-        name, factor = CSV_FACTORS.get(column.name, (column.name, 0.0))
-        columns[name] = _scaled(numbers, factor) if factor else list(numbers)
+        name, factor = CSV_FACTORS.get(column.name, (column.name, None))
+        columns[name] = list(numbers) if factor is None else _scaled(numbers, factor)
     if not columns.keys() & {name for name, _ in CSV_FACTORS.values()}:
         titles = ", ".join(map(short_repr, table.titles))
         text = f"needs a column of up_mbps, down_mbps, rtt_ms; the file has {titles}"

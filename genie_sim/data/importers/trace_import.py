@@ -24,6 +24,8 @@ from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Box, CameraPose, Detection
 from genie_sim.core.view import ViewSector
+from genie_sim.data import trace as trace_file
+from genie_sim.data import truth as truth_file
 from genie_sim.data.trace import (
     ANGLE_DECIMALS,
     IMAGE_HEADER_BYTES,
@@ -241,26 +243,32 @@ def traces(
         about = {**provenance, **({"features": features} if features else {}), **import_facts}
         if len(by_car) > 1:
             about["car"] = car
+        # only now, after the checks, which see what the reader found
         rounded = {camera: tuple(map(rounded_pose, of)) for camera, of in by_camera.items()}
         trace = Trace(car, origin, rounded, about, sequence=sequence)
-        table = None
-        if car in truth:
-            rows = tuple(sorted(objects[car], key=lambda row: (row.camera, row.frame, row.object)))
-            of_trace = {**about, "trace": car}
-            table = TruthTable(trace.digest, origin, rows, of_trace, range_m=range_m)
+        table = _truth_table(trace, objects[car], range_m) if car in truth else None
         imported[car] = ImportedCar(trace, table)
     return imported
+
+
+def _truth_table(trace: Trace, objects: Iterable[TruthRow], range_m: float) -> TruthTable:
+    rows = tuple(sorted(objects, key=lambda row: (row.camera, row.frame, row.object)))
+    about = {**trace.provenance, "trace": trace.name}
+    return TruthTable(trace.digest, trace.origin, rows, about, range_m=range_m)
 
 
 def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
     """Writes ``CAR.parquet`` of every car into a folder, with ``CAR.truth.parquet`` beside it if
     there is a truth table, and returns a line about each car.
 
-    Raises UserError, before it writes, where a truth table of another import is in the way.
+    Raises UserError, before it writes, where a file of somebody else or the truth table of another
+    import is in the way.
     """
     paths = {car: Path(out) / f"{car}.parquet" for car in cars}
     for car, path in paths.items():
+        trace_file.check_replaceable(path)
         beside = path_beside(path)
+        truth_file.check_replaceable(beside)
         if cars[car].truth is None and beside.exists():
             raise UserError(f"{beside}: is of another import; take it away, or give --truth")
     lines = []

@@ -21,8 +21,14 @@ import numpy as np
 from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
-from genie_sim.data.kitti.number_files import are_plausible, numbers, picture_size, size_of
+from genie_sim.base.paths import read_bytes, regular, sha256_of
+from genie_sim.data.kitti.number_files import (
+    are_plausible,
+    numbers,
+    picture_size,
+    size_of,
+    unbroken_lines,
+)
 from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 from genie_sim.data.world_table import SOMEWHERE
 
@@ -471,10 +477,11 @@ def _frames(layout: _Layout, camera: str, pictures: Mapping[int, Path]) -> tuple
 
 def _stamps_ns(path: Path) -> list[int]:
     """Time stamps by frame number, in Unix nanoseconds. There may be more of them than images."""
-    lines = [line.strip() for line in read_text(path).split("\n") if line.strip()]
-    for number, line in enumerate(lines, start=1):
-        if not STAMP.fullmatch(line):
-            raise UserError(f"{path}: line {number}: {line!r} is not a time stamp")
+    lines = []
+    for number, fields in unbroken_lines(path):
+        lines.append(" ".join(fields))
+        if not STAMP.fullmatch(lines[-1]):
+            raise UserError(f"{path}: line {number}: {lines[-1]!r} is not a time stamp")
     with as_user_error(f"{path}: is not a list of time stamps", ValueError):
         stamps_ns: list[int] = np.array(lines, "datetime64[ns]").astype(np.int64).tolist()
     return stamps_ns

@@ -18,7 +18,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Location
 from genie_sim.data.importers.trace_import import check_distances, truth_row
 from genie_sim.data.kitti.drive import TRACKLETS, drive_folders
-from genie_sim.data.kitti.object_label import ObjectLabel, Picture
+from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey
 from genie_sim.data.kitti.tracking_labels import labels_of_sequence
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TRACKING
 from genie_sim.data.kitti.tracklets import labels_of_drive
@@ -33,7 +33,7 @@ class PictureLabels:
     """The labels of all pictures of a trace, by picture, and the tracks that move, by number."""
 
     source: str
-    pictures: Mapping[Picture, list[ObjectLabel]]
+    pictures: Mapping[PictureKey, list[ObjectLabel]]
     moving: frozenset[int]
 
 
@@ -44,7 +44,7 @@ def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
     Raises UserError for labels that are missing or broken, and where they are not of this drive.
     """
     in_sequence = drive.startswith(TRACKING)
-    pictures: dict[Picture, list[ObjectLabel]] = {
+    pictures: dict[PictureKey, list[ObjectLabel]] = {
         (camera, frame.index): []
         for camera in trace.frames
         for frame in trace.frames[camera]
@@ -84,7 +84,7 @@ def label_file(root: Path, drive: str) -> Path:
     return path
 
 
-def _moving(pictures: Mapping[Picture, list[ObjectLabel]], trace: Trace) -> frozenset[int]:
+def _moving(pictures: Mapping[PictureKey, list[ObjectLabel]], trace: Trace) -> frozenset[int]:
     """The tracks that got away from where they were first labelled faster than ``MOVING_MPS``, over
     all their time.
     """

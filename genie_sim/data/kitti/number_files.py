@@ -39,12 +39,22 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
             yield number, line.replace(",", " ").split()
 
 
+def unbroken_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """``numbered_lines`` of a file with a line for each frame. Raises UserError for an empty line
+    before another.
+    """
+    for expected, (number, fields) in enumerate(numbered_lines(path), start=1):
+        if number != expected:
+            raise UserError(f"{path}: line {expected}: is empty")
+        yield number, fields
+
+
 def numbers(path: Path, columns: int) -> Array:
     """A table (n, columns) of numbers ``are_plausible``. Raises UserError for a line that holds
     anything else.
     """
     rows: list[list[float]] = []
-    for number, fields in numbered_lines(path):
+    for number, fields in unbroken_lines(path):
         with as_user_error(f"{path}: line {number}", ValueError):
             row = [float(field) for field in fields]
         if len(row) != columns:

@@ -26,7 +26,7 @@ GROUP_OF = {
 IGNORED = {"Tram": "vehicles", "Misc": "vehicles", "DontCare": "anything"}  # by KITTI's type
 
 
-Picture = tuple[str, int]  # camera and frame number
+PictureKey = tuple[str, int]  # camera and frame number
 
 
 class ObjectLabel(NamedTuple):

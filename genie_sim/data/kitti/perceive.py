@@ -166,6 +166,8 @@ def _provenance(
         parameters["threads"] = settings.threads
     if settings.encoding != "raw":
         parameters["encoding"] = settings.encoding
+    if settings.classes:
+        parameters["classes"] = dict(settings.classes)
     return {
         "data": ATTRIBUTION_OF_ODOMETRY if drive.name.startswith(ODOMETRY) else ATTRIBUTION,
         "drive": drive.name,

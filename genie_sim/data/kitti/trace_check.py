@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import is_own
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Detection
 from genie_sim.data.detectors.detector import DetectorSettings
@@ -25,13 +26,14 @@ def perceive_again(
     kitti_root: Path, trace: Trace, detector: DetectorSettings, progress: Progress | None = None
 ) -> Trace:
     """The trace of the same frames with the same settings, made here. Raises UserError for a trace
-    of no KITTI drive, or of other weights or files.
+    of no KITTI drive, or of another detector, other weights or files.
 
     Parameters
     ----------
     kitti_root : KITTI's folder
     trace : what was perceived somewhere else
-    detector : where its weights are, and how it runs here; all else is as in the trace
+    detector : where its weights are, how it runs here, and its class if it is the user's own; all
+        else is as in the trace
     progress : is called with the frames done and all frames
     """
     about = trace.provenance
@@ -40,19 +42,24 @@ def perceive_again(
     parameters = about["parameters"]
     settings = replace(
         detector,
-        name=about["detector"],
+        name=detector.name if is_own(detector.name) else about["detector"],
         size=tuple(parameters["input_size"]),
         min_score=parameters["min_score"],
         encoding=parameters.get("encoding", "raw"),
+        classes=parameters.get("classes", {}),
     )
     numbers = {frame.index for frames in trace.frames.values() for frame in frames}
     selection = FrameSelection(
         about["drive"], parameters["cameras"], numbers, trace.origin, allow_missing_scans=True
     )
     again = perceive(kitti_root, selection, settings, progress=progress)
-    for key, what in (("weights_sha256", "weights"), ("drive_sha256", "files of the drive")):
+    for key, what in (
+        ("detector", "another detector than that"),
+        ("weights_sha256", "other weights than those"),
+        ("drive_sha256", "other files of the drive than those"),
+    ):
         if again.provenance[key] != about[key]:
-            raise UserError(f"{trace.name}: was made with other {what} than those here ({key})")
+            raise UserError(f"{trace.name}: was made with {what} here ({key})")
     return again
 
 

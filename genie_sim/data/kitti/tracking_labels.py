@@ -8,7 +8,7 @@ from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.geometry import transform
 from genie_sim.core.messages import Location
 from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
-from genie_sim.data.kitti.object_label import ObjectLabel, Picture, object_label
+from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.tracking_sequence import (
     CAMERA,
     TRACKING,
@@ -23,7 +23,7 @@ SAME_PLACE_M = 1.0
 
 def labels_of_sequence(
     root: Path, name: str, path: Path, trace: Trace
-) -> Iterator[tuple[Picture, ObjectLabel | None]]:
+) -> Iterator[tuple[PictureKey, ObjectLabel | None]]:
     """The labels in a file for the pictures of a trace of the same drive. Raises UserError where it
     is another.
     """

@@ -13,7 +13,7 @@ from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Box
 from genie_sim.data.kitti.drive import open_drive
 from genie_sim.data.kitti.number_files import are_plausible
-from genie_sim.data.kitti.object_label import ObjectLabel, Picture, object_label
+from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.trace import Trace
 
 BEHIND = 99  # KITTI's code of truncation for what is partly behind the image plane
@@ -77,7 +77,7 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 
 def labels_of_drive(
     root: Path, name: str, path: Path, trace: Trace
-) -> Iterator[tuple[Picture, ObjectLabel | None]]:
+) -> Iterator[tuple[PictureKey, ObjectLabel | None]]:
     """The labels in a file of tracklets for the pictures of a trace of the drive of this name."""
     objects = tracklets(path)
     drive = open_drive(

@@ -76,7 +76,7 @@ class Scene:
         return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid)
 
     def knows(self, label: str) -> bool:
-        """Whether objects of a class would be among ``objects`` if they were there."""
+        """Whether objects with a label would be among ``objects`` if they were there."""
         return True
 
     def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject]:
@@ -155,5 +155,6 @@ class SceneDrives(Drives):
         return {self.scene.name: self.scene.provenance()}
 
     def truth_of(self, drive: "SceneDrive") -> SceneTruth:
+        """What is really there; from now on the drive's batches keep what is in view."""
         drive.is_judged = True
         return self._truth

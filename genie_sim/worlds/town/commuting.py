@@ -99,6 +99,8 @@ class Commuting:
             destination = self.destination(float(random.random()))
             if destination == node:
                 destination = self._other(node)
+            # Who never turns back may circle round a destination: after so many legs, about four
+            # times the way across the town, another one is drawn.
             for _ in range(4 * (self._east + self._north + 2)):
                 if node == destination:
                     break

@@ -65,8 +65,9 @@ class _SameVelocity:
         within a distance [m]: the numbers of the places, in order, and the rows.
         """
         if self.speed_mps:
-            moved_m[:, 0] %= self._length_m
-            moved_m[moved_m[:, 0] == self._length_m, 0] = 0.0
+            along_m = moved_m[:, 0] % self._length_m
+            along_m[along_m == self._length_m] = 0.0
+            moved_m = np.column_stack([along_m, moved_m[:, 1]])
         place, number = near_pairs(self._tree, moved_m, radius_m + ROUNDING_M)
         return place, self._row[number]
 

@@ -53,8 +53,8 @@ class Piece(NamedTuple):
     phase: Phase
 
 
-class Course:
-    """Where a car is at each time, by pieces."""
+class PiecewiseCourse:
+    """Where a car is at each time (``scene.frames.Course``), by pieces."""
 
     def __init__(self) -> None:
         self._begins_s: list[float] = []
@@ -141,12 +141,12 @@ class Crossing(NamedTuple):
 
 def drive(
     commuting: Commuting, random: np.random.Generator, begin_s: float, end_s: float
-) -> Course:
+) -> PiecewiseCourse:
     """The course of one car from ``begin_s`` on; it knows its place at least until ``end_s``.
 
     A leg is a straight from one junction to the next, and the way across that one.
     """
-    course, rules = Course(), commuting.rules
+    course, rules = PiecewiseCourse(), commuting.rules
     nodes = commuting.trip(random)
     start, end = next(nodes), next(nodes)
     t_s, speed_mps = begin_s, commuting.limit_mps(start, end)
@@ -191,7 +191,7 @@ def _crossing(commuting: Commuting, start: Node, end: Node, beyond: Node) -> Cro
     on_main, crosses_main = streets if northbound else streets[::-1]
     through_mps = min(commuting.limit_mps(start, end), commuting.limit_mps(end, beyond))
     if turn:
-        through_mps = LEFT_MPS if turn > 0 else RIGHT_MPS
+        through_mps = min(through_mps, LEFT_MPS if turn > 0 else RIGHT_MPS)
     elif not on_main and not crosses_main:
         through_mps = min(through_mps, CAREFUL_MPS)
     return Crossing(

@@ -5,6 +5,7 @@ speed and their distances, stop for nobody, and leave at one end of the town as 
 other end. So where they are at any time is one sum.
 """
 
+import itertools
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -53,6 +54,29 @@ class Street(NamedTuple):
     objects: list[StreetObject]
 
 
+class _Line(NamedTuple):
+    """Where the ``number``-th street of a direction runs: across so many blocks [m]."""
+
+    northbound: bool
+    number: int
+    blocks: int
+    block_m: float
+
+    @property
+    def length_m(self) -> float:
+        return self.blocks * self.block_m
+
+    @property
+    def middle_m(self) -> float:
+        """Of the street, across it."""
+        return self.number * self.block_m
+
+    @property
+    def right(self) -> int:
+        """The sign, across, of the right of who comes along: south of the heading east."""
+        return 1 if self.northbound else -1
+
+
 def lay_out(
     rules: TownRules,
     ghosts_per_100m: Mapping[str, float],
@@ -63,19 +87,36 @@ def lay_out(
 ) -> Street:
     """The ``index``-th street of a direction with what stands, in the order of its place along it,
     the ghosts, by class, where the detector sees what is not there, and then what moves.
+
+    The order of the draws is part of the town: another one, or a draw in between, makes another
+    town of every seed. What is new draws at the end.
     """
-    crossings = rules.blocks[1] if northbound else rules.blocks[0]
-    length_m, middle_m = crossings * rules.block_m, index * rules.block_m
-    right = 1 if northbound else -1  # of those who come along, across: south of the heading east
-    standing: list[StreetObject] = []
+    line = _Line(northbound, index, rules.blocks[1 if northbound else 0], rules.block_m)
+    standing = [
+        StreetObject(
+            label,
+            object_number(northbound, index, stream=0, member=member),
+            along_m,
+            line.middle_m + beside_m,
+            real,
+        )
+        for member, (label, along_m, beside_m, real) in enumerate(
+            _standing(rules, ghosts_per_100m, line, random)
+        )
+    ]
+    standing.sort(key=lambda item: (item.along_m, item.number))
+    return Street(northbound, line.length_m, [*standing, *_moving(rules, line, random)])
 
-    def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
-        number = object_number(northbound, index, stream=0, member=len(standing))
-        standing.append(StreetObject(label, number, along_m, middle_m + beside_m, real))
 
+def _standing(
+    rules: TownRules, ghosts_per_100m: Mapping[str, float], line: _Line, random: np.random.Generator
+) -> Iterator[tuple[str, float, float, bool]]:
+    """What stands on a street: label, place along it and beside its middle, and whether it is
+    there or a ghost.
+    """
     for side in (-1, 1):
-        for along_m, is_truck in _parked(rules, crossings, random):
-            stand("truck" if is_truck else "car", along_m, side * PARKED_M)
+        for along_m, is_truck in _parked(rules, line.blocks, random):
+            yield "truck" if is_truck else "car", along_m, side * PARKED_M, True
     anywhere = [
         ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0, True),
         ("person", rules.standing_people_per_100m, PAVEMENT_M, True),
@@ -85,47 +126,52 @@ def lay_out(
     for label, density in ghosts_per_100m.items():
         anywhere.append((label, density, GHOST_BESIDE_M, False))
     for label, density, beside_m, real in anywhere:
-        for along_m, side in _scattered(density, length_m, random):
-            stand(label, along_m, side * beside_m, real)
-    sign = "traffic light" if rules.main(index) else "stop sign"
-    for crossing in filter(rules.main, range(crossings + 1)):
+        for along_m, side in _scattered(density, line.length_m, random):
+            yield label, along_m, side * beside_m, real
+    sign = "traffic light" if rules.main(line.number) else "stop sign"
+    for crossing in filter(rules.main, range(line.blocks + 1)):
         for direction in (-1, 1):
             along_m = crossing * rules.block_m - direction * JUNCTION_M
-            if 0.0 <= along_m <= length_m:
-                stand(sign, along_m, direction * right * PAVEMENT_M)
-    objects = sorted(standing, key=lambda item: (item.along_m, item.number))
+            if 0.0 <= along_m <= line.length_m:
+                yield sign, along_m, direction * line.right * PAVEMENT_M, True
 
-    stream = 1
-    for labels, density, off_m, speed_mps in (
-        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(index)),
+
+def _moving(rules: TownRules, line: _Line, random: np.random.Generator) -> Iterator[StreetObject]:
+    """What moves on a street, stream by stream. A stream of cyclists has a second one beside it, of
+    those on the bicycles; so every other number is a stream's own.
+    """
+    kinds = (
+        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(line.number)),
         (("bicycle", "person"), rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
         (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
+    )
+    ways = itertools.product(kinds, (-1, 1))
+    for stream, ((labels, density, off_m, speed_mps), direction) in zip(
+        itertools.count(1, 2), ways
     ):
-        for direction in (-1, 1):
-            count = random.poisson(density / 2 * length_m / 100)
-            starts_m = np.sort(random.random(count) * length_m).tolist()
-            for member, start_m in enumerate(starts_m, MIDDLE_MEMBER):
-                for own_stream, label in enumerate(labels, stream):
-                    mover = StreetObject(
-                        label,
-                        object_number(northbound, index, own_stream, member),
-                        start_m,
-                        middle_m + direction * right * off_m,
-                        speed_mps=direction * speed_mps,
-                        stream_size=count,
-                    )
-                    objects.append(mover)
-            stream += 2  # with room for a second one, of those on bicycles
-    return Street(northbound, length_m, objects)
+        count = random.poisson(density / 2 * line.length_m / 100)
+        starts_m = np.sort(random.random(count) * line.length_m).tolist()
+        for member, start_m in enumerate(starts_m, MIDDLE_MEMBER):
+            for own_stream, label in enumerate(labels, stream):
+                yield StreetObject(
+                    label,
+                    object_number(line.northbound, line.number, own_stream, member),
+                    start_m,
+                    line.middle_m + direction * line.right * off_m,
+                    speed_mps=direction * speed_mps,
+                    stream_size=count,
+                )
 
 
 def _parked(
     rules: TownRules, crossings: int, random: np.random.Generator
 ) -> Iterator[tuple[float, bool]]:
     """Place along one side of a street, and whether it is a truck, of each parked car; some blocks
-    have none.
+    have none, and short ones no room for any.
     """
     slots = rules.parking_slots
+    if not slots:
+        return
     busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
     for block in range(crossings):
         share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy

@@ -24,7 +24,7 @@ from genie_sim.worlds.town.streets import Street, lay_out
 
 DETECTOR = "town"  # what the town's detector is called
 # Names the random numbers, here and in digests: another word makes another town of every seed.
-STREAM = "city"
+RANDOM_NAME = "city"
 
 
 def drive_name(seed: int) -> str:
@@ -48,7 +48,9 @@ class Town(Scene):
             raise UserError(f"town: seed: {seed} is negative")
         super().__init__(seed)
         self.rules = rules
-        text = json.dumps([f"{STREAM} 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
+        text = json.dumps(
+            [f"{RANDOM_NAME} 1", asdict(rules), seed, self.laws.digest], sort_keys=True
+        )
         self.digest = hashlib.sha256(text.encode()).hexdigest()
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
 
@@ -65,7 +67,7 @@ class Town(Scene):
                 ghosts_per_100m,
                 northbound,
                 index,
-                random=stream(self.seed, STREAM, "north" if northbound else "east", index),
+                random=stream(self.seed, RANDOM_NAME, "north" if northbound else "east", index),
             )
             for northbound, count in ((False, rows + 1), (True, columns + 1))
             for index in range(count)
@@ -80,7 +82,7 @@ class Town(Scene):
             [item.number for item in items],
             [item.real for item in items],
             laws=self.laws,
-            seed_key=seed_key(STREAM, self.seed),
+            seed_key=seed_key(RANDOM_NAME, self.seed),
         )
 
     @functools.cached_property
@@ -94,7 +96,7 @@ class Town(Scene):
 
     @functools.cached_property
     def _commuting(self) -> Commuting:
-        return Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
+        return Commuting(self.rules, stream(self.seed, RANDOM_NAME, "destinations"))
 
     def drive(
         self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0
@@ -106,8 +108,8 @@ class Town(Scene):
         UserError for times that leave no frame.
         """
 
-        def course() -> routes.Course:
-            random = stream(self.seed, STREAM, "car", car)
+        def course() -> routes.PiecewiseCourse:
+            random = stream(self.seed, RANDOM_NAME, "car", car)
             begin_s, end_s = start_ns * 1e-9, (start_ns + duration_ns) * 1e-9
             return routes.drive(self._commuting, random, begin_s, end_s)
 

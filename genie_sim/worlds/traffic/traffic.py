@@ -29,7 +29,7 @@ from genie_sim.worlds.traffic.view import TrafficView
 if TYPE_CHECKING:
     from genie_sim.worlds.traffic.source import RecordedTraffic
 
-STREAM = "traffic"
+RANDOM_NAME = "traffic"  # names the random numbers
 SHORTEST_S = 1.0  # a vehicle that is there for less carries no cameras
 # Which classes such a file knows all of: what else a detector reports is not judged.
 KNOWN = (*VEHICLES, "train", "motorcycle", "bicycle")
@@ -74,7 +74,7 @@ class Traffic(Scene):
             range(len(labels)),
             [True] * len(labels),
             laws=self.laws,
-            seed_key=seed_key(STREAM, self.seed),
+            seed_key=seed_key(RANDOM_NAME, self.seed),
         )
 
     @functools.cached_property
@@ -100,6 +100,8 @@ class Traffic(Scene):
         return motions.speed_mps > MOVING_MPS
 
     def facts(self) -> Mapping[str, object]:
+        # Names no detector, so that maps take the assumed laws: what was measured of this one in a
+        # town, on other streets and among other traffic, is no measurement here.
         vehicles = self.vehicles
         return {
             "file": self.path.name,
@@ -195,7 +197,7 @@ class TrafficDrives(SceneDrives):
             name
             for name, vehicle in zip(self._names, ids, strict=True)
             if equipped == 1.0
-            or stream(self.scene.seed, STREAM, "equipped", vehicle).random() < equipped
+            or stream(self.scene.seed, RANDOM_NAME, "equipped", vehicle).random() < equipped
         ]
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> SceneDrive:

@@ -4,6 +4,7 @@ import functools
 import math
 from collections import Counter
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,6 +15,7 @@ from genie_sim.base.geometry import Array
 from genie_sim.base.grid import Area, widened
 from genie_sim.base.spans import Ints
 from genie_sim.worlds.scene.frames import Motions
+from genie_sim.worlds.scene.objects import Flags
 from genie_sim.worlds.scene.view import near_pairs
 from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
 from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, says_what_it_is, type_named
@@ -22,16 +24,90 @@ KEPT_STEPS = 256  # of so many steps it is kept who is where
 BESIDE_M = 10.0  # the map goes on beside its outermost vehicles; one street has an extent, too
 
 
+class _Outlines(NamedTuple):
+    """What each vehicle is and how large."""
+
+    labels: list[str]
+    lengths_m: Array
+    widths_m: Array
+    heights_m: Array
+
+
+def _types_by_name(
+    rows: VehicleRows, own_types: Mapping[str, VehicleType]
+) -> dict[str, VehicleType]:
+    """The types of a file's vehicles, own ones first. Warns of those whose names say nothing."""
+    names = dict.fromkeys(
+        name for name, is_person in zip(rows.types, rows.is_person, strict=True) if not is_person
+    )
+    told = {"", *own_types, *filter(says_what_it_is, names)}
+    counts = Counter(name for name in rows.types if name not in told)
+    if counts:
+        most = ", ".join(f"{short_repr(name)} ({n:,})" for name, n in counts.most_common(5))
+        more = f" and {len(counts) - 5} more" if len(counts) > 5 else ""
+        rows.report.warn(f"types taken for cars: {most}{more}; perception.types says what they are")
+    return {name: own_types.get(name) or type_named(name) or USUAL for name in names}
+
+
+def _outlines(rows: VehicleRows, types: Mapping[str, VehicleType]) -> _Outlines:
+    """Of each vehicle, by its type, or of a person."""
+    kinds = list(zip(rows.types, rows.is_person, strict=True))
+    labels = ["person" if is_person else types[name].label for name, is_person in kinds]
+    sizes = [SIZES["person"] if is_person else types[name] for name, is_person in kinds]
+    return _Outlines(
+        labels,
+        lengths_m=np.array([size.length_m for size in sizes]),
+        widths_m=np.array([size.width_m for size in sizes]),
+        heights_m=np.array([SIZES[label].height_m for label in labels]),
+    )
+
+
+class _Links(NamedTuple):
+    """Which row follows which. Of each row (rows,): the two between which its vehicle is from then
+    on, ``from_row`` and ``to_row``: it and the next, at the very end of a stretch the one before
+    and it, and of a stretch of one row that one; the row until whose time it is known,
+    ``until_row``; and whether it begins a stretch. ``jumps`` are the rows that are reached by a
+    jump, ``longest_m`` is the longest way from a row to the next.
+    """
+
+    from_row: Ints
+    to_row: Ints
+    until_row: Ints
+    is_first: Flags
+    jumps: Ints
+    longest_m: float
+
+
+def _links(vehicle: Ints, step: Ints, way_m: Array, passed_s: Array) -> _Links:
+    """How rows follow each other, by vehicle and step (rows,), and the way [m] and time [s] from
+    each to the next (rows - 1,).
+    """
+    same_vehicle = np.diff(vehicle) == 0
+    is_jump = same_vehicle & (way_m > JUMP_MPS * passed_s)
+    goes_on = same_vehicle & ~is_jump & (np.diff(step) == 1)
+    has_next, has_previous = np.append(goes_on, False), np.append(False, goes_on)
+    row = np.arange(len(vehicle))
+    from_row = row - (~has_next & has_previous)
+    return _Links(
+        from_row=from_row,
+        to_row=from_row + (has_next | has_previous),
+        until_row=row + has_next,
+        is_first=~has_previous,
+        jumps=np.flatnonzero(is_jump) + 1,
+        longest_m=float(way_m.max(where=goes_on, initial=0.0)),
+    )
+
+
 class Vehicles:
     """All vehicles of a file, and persons on foot: what they are, and where at any time.
 
     Times are in seconds after the beginning of the simulation; ``times_s`` are those of the file's
     steps. A *vehicle* is a number from 0 on; ``ids``, ``is_person``, ``labels``, ``lengths_m``,
-    ``widths_m`` have one value for each. A *row* is one vehicle at one step: rows are ordered by
-    vehicle and then by time, and ``vehicle`` (rows,) says whose each is. From a row a vehicle goes
-    straight to its next one, unless that comes after a gap or a jump; a *stretch* are the rows from
-    one such break to the next. ``jumps`` counts the jumps of each vehicle (teleports): where it
-    went on elsewhere than it could have driven.
+    ``widths_m``, ``heights_m`` have one value for each. A *row* is one vehicle at one step: rows
+    are ordered by vehicle and then by time, and ``vehicle`` (rows,) says whose each is. From a row
+    a vehicle goes straight to its next one, unless that comes after a gap or a jump; a *stretch*
+    are the rows from one such break to the next. ``jumps`` counts the jumps of each vehicle
+    (teleports): where it went on elsewhere than it could have driven.
     """
 
     def __init__(
@@ -39,7 +115,11 @@ class Vehicles:
     ) -> None:
         self.ids, self.is_person = rows.ids, rows.is_person
         self.times_s = rows.times_s - begin_s
-        self._read_types(rows, own_types)
+        self.types_by_name = _types_by_name(rows, own_types)
+        outlines = _outlines(rows, self.types_by_name)
+        self.labels = outlines.labels
+        self.lengths_m, self.widths_m = outlines.lengths_m, outlines.widths_m
+        self.heights_m = outlines.heights_m
         order = np.lexsort((rows.step, rows.vehicle))
         self.vehicle: Ints = rows.vehicle[order]
         self._step: Ints = rows.step[order]
@@ -48,50 +128,15 @@ class Vehicles:
         half_m = np.where(rows.is_person, 0.0, self.lengths_m / 2)[self.vehicle]
         self._east_m = rows.x_m[order] - half_m * np.cos(self._heading_rad)
         self._north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
-        self._link_rows()
+        way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
+        links = _links(self.vehicle, self._step, way_m, np.diff(self.times_s[self._step]))
+        self._from_row, self._to_row = links.from_row, links.to_row
+        self._is_first = links.is_first
+        self._until_s = self.times_of(links.until_row)
+        self._longest_m = links.longest_m
+        self.jumps = np.bincount(self.vehicle[links.jumps], minlength=len(self.ids))
         self._in_order_of_steps: Ints = np.argsort(self._step, kind="stable")
         self._at_step = functools.lru_cache(KEPT_STEPS)(self._tree_of_step)
-
-    def _read_types(self, rows: VehicleRows, own_types: Mapping[str, VehicleType]) -> None:
-        """What vehicles are by their types, own ones first. Warns of types that say nothing."""
-        kinds = list(zip(rows.types, rows.is_person, strict=True))
-        types = {
-            name: own_types.get(name) or type_named(name) or USUAL
-            for name, is_person in dict.fromkeys(kinds)
-            if not is_person
-        }
-        outlines = [SIZES["person"] if is_person else types[name] for name, is_person in kinds]
-        self.types_by_name: Mapping[str, VehicleType] = types
-        self.labels = ["person" if is_person else types[name].label for name, is_person in kinds]
-        self.lengths_m = np.array([outline.length_m for outline in outlines])
-        self.widths_m = np.array([outline.width_m for outline in outlines])
-        self.heights_m = np.array([SIZES[label].height_m for label in self.labels])
-        told = {"", *own_types, *filter(says_what_it_is, types)}
-        counts = Counter(name for name in rows.types if name not in told)
-        if counts:
-            names = ", ".join(f"{short_repr(name)} ({n:,})" for name, n in counts.most_common(5))
-            more = f" and {len(counts) - 5} more" if len(counts) > 5 else ""
-            rows.report.warn(
-                f"types taken for cars: {names}{more}; perception.types says what they are"
-            )
-
-    def _link_rows(self) -> None:
-        """Finds the stretches: which row follows which."""
-        way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
-        passed_s = np.diff(self.times_s[self._step])
-        same_vehicle = np.diff(self.vehicle) == 0
-        jumps = same_vehicle & (way_m > JUMP_MPS * passed_s)
-        goes_on = same_vehicle & ~jumps & (np.diff(self._step) == 1)
-        self.jumps = np.bincount(self.vehicle[1:][jumps], minlength=len(self.ids))
-        row = np.arange(len(self.vehicle))
-        has_next, has_previous = np.append(goes_on, False), np.append(False, goes_on)
-        # Of each row the two between which its vehicle is from then on: it and the next, at the
-        # very end of a stretch the one before and it, and of a stretch of one row that one.
-        self._from: Ints = row - (~has_next & has_previous)
-        self._to: Ints = self._from + (has_next | has_previous)
-        self._until_s = self.times_of(row + has_next)
-        self._longest_m = float(way_m.max(where=goes_on, initial=0.0))
-        self._is_first = ~has_previous
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -107,7 +152,7 @@ class Vehicles:
         """Where the vehicles of some rows (n,) are at times between these rows and the next (n,):
         on straight lines, and turning the shorter way.
         """
-        first, last = self._from[row], self._to[row]
+        first, last = self._from_row[row], self._to_row[row]
         begin_s = self.times_of(first)
         whole_s = self.times_of(last) - begin_s
         whole_s[whole_s == 0.0] = 1.0
