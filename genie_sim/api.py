@@ -12,7 +12,6 @@ What is wrong with the input raises ``gs.UserError``, with one line that names f
 choices.
 """
 
-import json
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -40,6 +39,7 @@ from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
 from genie_sim.scenario import reading
 from genie_sim.scenario.scenario import Scenario as Scenario
+from genie_sim.scenario.yaml_input import inline
 
 if TYPE_CHECKING:
     from genie_sim.paper.reproduce import Reproduction
@@ -389,7 +389,7 @@ def _overrides(settings: Settings) -> Sequence[str]:
                 problem = f"{short_repr(text)}: expected a text such as 'seed=3'"
                 raise UserError(f"settings[{place}]: {problem}")
         return settings
-    return [f"{path}={json.dumps(plain(value, path))}" for path, value in settings.items()]
+    return [f"{path}={inline(plain(value, path))}" for path, value in settings.items()]
 
 
 def _names(where: str, given: Any) -> list[str]:

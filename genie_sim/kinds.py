@@ -124,7 +124,9 @@ class Run(results.Run, _OfRuns):
         return html_page.page(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
-        """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""
+        """A line for each file: ``identical``, ``equal``, ``drawn otherwise`` or ``DIFFERENT``.
+        Raises ``UserError``.
+        """
         from genie_sim.runs import folder as run_folder
 
         compared = run_folder.rerun(folder_of(self), progress)

@@ -321,6 +321,17 @@ def test_settings_from_python_are_not_called_options_of_a_command():
         gs.load_scenario("street_1car_homo", {"genie.evictionn": "lru"})
 
 
+@pytest.mark.parametrize("text", ["\N{GRINNING FACE}", "\x85 \u2028 \ufeff \ufffe", '\\ud83d\n"'])
+def test_a_text_is_set_as_it_is_whatever_its_characters(text):
+    assert gs.load_scenario("street_1car_homo", {"description": text}).description == text
+
+
+@pytest.mark.parametrize("text", ["\x7f", "\ud83d", "\0"])
+def test_a_text_that_no_file_can_hold_is_told_in_one_line(text):
+    with pytest.raises(gs.UserError, match=r"^description="):
+        gs.load_scenario("street_1car_homo", {"description": text})
+
+
 def test_the_next_entry_of_a_list_can_be_set():
     made = gs.load_scenario(
         "street_1car_homo", {"cars[1].name": "second", "cars[1].device": "orin_nano"}

@@ -68,7 +68,6 @@ OUTPUTS = {
     "png": OutputKind("picture in PNG", rb"\x89PNG"),
     "pdf": OutputKind("PDF", rb"%PDF"),
 }
-ALWAYS = "latency_cdf"  # the figure of every run
 FEW_EVENTS = 50
 
 
@@ -96,7 +95,7 @@ def makers(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Call
     drawn: dict[str, Callable[..., Figure]] = {}
     if drawable(run.measured):
         drawn["latency_accuracy"] = partial(latency_accuracy, run.measured, *about)
-    drawn[ALWAYS] = partial(latency_cdf, frames, *about)
+    drawn["latency_cdf"] = partial(latency_cdf, frames, *about)
     if any(metric.metric in PART.values() for metric in run.measured):
         drawn["time_parts"] = partial(time_parts, run.measured, *about)
     if busiest(run.measured):

@@ -80,7 +80,9 @@ class Kind(NamedTuple):
     name: str
 
     @classmethod
-    def of(cls, annotation: Any, name: str, marks: Mapping[type, Any]) -> "Kind":
+    def of(
+        cls, annotation: Any, name: str = "", marks: Mapping[type, Any] = MappingProxyType({})
+    ) -> "Kind":
         """Marks inside an annotation come before those around it."""
         while get_origin(annotation) is Annotated:
             annotation, *own = get_args(annotation)
@@ -110,7 +112,8 @@ class Kind(NamedTuple):
 class Setting(NamedTuple):
     """One field of a settings class, or one argument of a plug-in's class.
 
-    ``name`` is its name in Python, ``key`` in YAML; ``default`` may be ``REQUIRED``.
+    ``name`` is its name in Python, ``key`` in YAML; ``kind`` is the ``annotation`` taken apart,
+    with the unit that the name has; ``default`` may be ``REQUIRED``.
     """
 
     name: str
@@ -141,8 +144,9 @@ def settings_of(cls: Callable[..., Any]) -> tuple[Setting, ...]:
         unit, bounds = ENDINGS.get(ending, (None, Bounds()))
         annotation = parameter.annotation
         if annotation is parameter.empty or isinstance(annotation, str):  # its unit says the type
-            annotation = Any if unit is None else unit.number
-            annotation = annotation | None if unit is not None and default is None else annotation
+            annotation = Any
+            if unit is not None:
+                annotation = unit.number | None if default is None else unit.number
         key = mark_in(annotation, Key)
         key_name = name.removesuffix(ending) if key is None else key.name
         around = {} if unit is None else {Quantity: unit, Bounds: bounds}
@@ -298,7 +302,8 @@ def _fits(kind: Kind, value: object) -> bool:
         short = hasattr(kind.type, "expand") and value is not None
         return short or isinstance(value, Mapping | kind.type)
     has_unit = Quantity in kind.marks and kind.type in (int, float)
-    return (kind.yaml_form or YAML_FORMS[str]).holds(value) or (has_unit and isinstance(value, str))
+    form = kind.yaml_form or YAML_FORMS[str]  # a text for a class of anybody's, such as ``Path``
+    return form.holds(value) or (has_unit and isinstance(value, str))
 
 
 def _member(kind: Kind, value: object) -> Kind:
@@ -352,7 +357,9 @@ def _kinds_of_items(kind: Kind, value: Collection[Any]) -> list[Kind]:
 
 
 def _class_value(cls: type[Any], value: Any, base: Any) -> Any:
-    """An instance of a settings class."""
+    """An instance of a settings class; what a mapping leaves out is as in ``base``, while a short
+    form has all its settings.
+    """
     if isinstance(value, cls):
         return value
     base = base if isinstance(value, Mapping) and isinstance(base, cls) else None
@@ -634,7 +641,7 @@ def _plug_ins_of(annotation: Any, item: object, path: str, parent: str) -> Itera
 
 def plain_data(value: object) -> Any:
     """Settings as plain data for YAML and JSON, every one written out; ``read`` reads them back."""
-    return _written(Kind(type(value), (), {}, ""), value)
+    return _written(Kind.of(type(value)), value)
 
 
 def plain_default(setting: Setting) -> Any:

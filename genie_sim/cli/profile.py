@@ -73,7 +73,8 @@ def profile(
         arguments.refuse("with --detector", "column", "unit")
     else:
         arguments.refuse("with --csv", "weights", "runs")
-    device_fit.PROFILE.check(out)  # before anything is measured
+    usual_model = "detector" if csv is None else csv.stem
+    device_fit.check(out, model or usual_model, cores)  # before anything is measured
     report = ImportReport(csv or "profile")
     with ProgressBar(unit="pictures") as progress:
         if csv is not None:

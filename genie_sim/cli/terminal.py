@@ -57,9 +57,8 @@ class Commands(click.Group):
     add_on_group = ""  # the group of entry points through which packages add commands
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
-        """One of them, with its help under ``python -OO``, too."""
-        cmd.help = cmd.help or docstring(cmd.callback)
-        super().add_command(cmd, name)
+        """One of them."""
+        super().add_command(_with_help(cmd), name)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order in which they are written."""
@@ -70,7 +69,7 @@ class Commands(click.Group):
         if own is not None or not self.add_on_group or ctx.resilient_parsing:
             return own
         command: click.Command | None = add_ons.offered(self.add_on_group, cmd_name)
-        return command
+        return command and _with_help(command)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
@@ -88,6 +87,12 @@ class Commands(click.Group):
         except BrokenPipeError:
             drop_output()
             raise SystemExit(0) from None
+
+
+def _with_help(command: click.Command) -> click.Command:
+    """A command with its help under ``python -OO``, too."""
+    command.help = command.help or docstring(command.callback)
+    return command
 
 
 @contextmanager

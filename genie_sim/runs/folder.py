@@ -25,7 +25,7 @@ from genie_sim.record.results import (
     checked_label,
 )
 from genie_sim.record.tables import read as read_columns
-from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, DRAWN, SHOWN, Output
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.profiles import DeviceProfile
@@ -35,6 +35,7 @@ from genie_sim.scenario.yaml_input import parse
 
 log = logging.getLogger(__name__)
 IDENTICAL, EQUAL, DIFFERENT = "identical", "equal", "DIFFERENT"  # bytes, contents, neither
+OTHERWISE = "drawn otherwise"  # as the commands ``report`` and ``figures`` were told to
 
 
 def run_to_folder(
@@ -177,8 +178,8 @@ class Compared(NamedTuple):
 
 def rerun(folder: Path, progress: Progress | None = None) -> Compared:
     """Runs a result folder's scenario again, with the device profiles it was made with, and
-    compares each file that a run writes with it. ``run.json`` holds the wall time and is not
-    compared.
+    compares each file that a run writes with it, of page and figures those that are there.
+    ``run.json`` holds the wall time and is not compared.
 
     Raises ``UserError``, also for files that were changed since.
     """
@@ -187,6 +188,8 @@ def rerun(folder: Path, progress: Progress | None = None) -> Compared:
     versions = provenance.other_versions(made)
     for line in versions:
         log.warning("%s: %s", folder, line)
+    from genie_sim.report import template
+
     scenario = read_scenario(made["facts"]["scenario"], where=where)
     devices = {
         name: read(DeviceProfile, device, lambda _: where)
@@ -200,28 +203,35 @@ def rerun(folder: Path, progress: Progress | None = None) -> Compared:
     present = [name for name in FILES if (folder / name).exists()]
     provenance.check_unchanged(folder, made, present)
     with tempfile.TemporaryDirectory() as temporary:
-        formats = _formats_in(folder / "figures")
+        drawn = [name for name in DRAWN if (folder / name).is_file()]
+        formats = sorted({Path(name).suffix[1:] for name in drawn if name != template.NAME})
         label = checked_label(made.get("label", ""), f"{where}: label")
         run = simulate_into(
             Path(temporary), prepared, made["run_id"], progress=progress, label=label
         )
-        Output((folder / "report.html").is_file(), formats).write(run, Path(temporary))
-        files = {
-            path.relative_to(temporary).as_posix(): _compared(folder, Path(temporary), path)
+        Output(template.NAME in drawn, formats).write(run, Path(temporary))
+        again = {
+            path.relative_to(temporary).as_posix(): path
             for path in sorted(Path(temporary).rglob("*"))
             if path.is_file() and path.name != "run.json"
+        }
+        files = {
+            name: _compared(folder, name, path)
+            for name, path in again.items()
+            if name in drawn or name not in DRAWN
         }
     return Compared(versions, files)
 
 
-def _compared(folder: Path, again: Path, path: Path) -> str:
-    """How the file at ``path`` in the folder ``again`` compares with the one in ``folder``."""
-    name = path.relative_to(again).as_posix()
+def _compared(folder: Path, name: str, path: Path) -> str:
+    """How the file at ``path`` compares with the one of this name in the folder."""
     before = provenance.contained(folder, name)
     if not before.is_file():
         return DIFFERENT
     if sha256_of(before) == sha256_of(path):
         return IDENTICAL
+    if name in DRAWN:
+        return OTHERWISE
     if path.suffix == ".parquet":
         schema = SCHEMAS[path.stem]
         rows, again_rows = read_columns(before, schema), read_columns(path, schema, trusted=True)
@@ -242,15 +252,6 @@ def _equal(first: Any, second: Any) -> bool:
     if isinstance(first, Text) or isinstance(second, Text):
         return bool(first.tolist() == second.tolist())
     return bool(np.array_equal(first, second, equal_nan=first.dtype.kind == "f"))
-
-
-def _formats_in(folder: Path) -> list[str]:
-    """In which formats a folder holds the figures of a run."""
-    if not folder.is_dir():
-        return []
-    from genie_sim.analysis.figures import ALWAYS, FORMATS
-
-    return [format for format in sorted(FORMATS) if (folder / f"{ALWAYS}.{format}").is_file()]
 
 
 def _difference(name: str, before: object, now: object) -> str:

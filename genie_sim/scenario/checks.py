@@ -156,11 +156,13 @@ def _check_neighbours(scenario: Scenario) -> None:
         check_unique(f"edges[{index}].neighbours", edge.neighbours or ())
 
 
-def _check_links(scenario: Scenario) -> None:
+def _check_links(scenario: Scenario, own: bool = False) -> None:
     """Edges have places where a link model needs them, and one that needs cars is not between
-    edges.
+    edges. ``own``: those of the user's own, whose code runs only where a scenario does.
     """
-    for link in scenario.shipped_links():
+    for link in scenario.links():
+        if plugins.is_own(link.choice.name) != own:
+            continue
         model, name = LINK.make(link.choice), link.choice.name
         if hasattr(model, "check"):
             with blamed_on(link.path):
@@ -251,7 +253,7 @@ def _unknown_edge(name: str, edges: Collection[str]) -> str:
 
 def check_own_plugins(scenario: Scenario) -> None:
     """Raises ``UserError`` where a class of the user's own does not take the settings that the
-    scenario gives it. Imports the classes.
+    scenario gives it, or a link model does not fit. Imports the classes.
     """
     for path, mark, choice, name_alone in scenario.own_plugins():
         if name_alone:
@@ -262,6 +264,10 @@ def check_own_plugins(scenario: Scenario) -> None:
         except SettingError as error:
             field = join(path, error.field)
             raise scenario.error_at(field, error.message) from error
+    try:
+        _check_links(scenario, own=True)
+    except SettingError as error:
+        raise scenario.error_at(error.field, error.message) from error
 
 
 def check_time_on_map(scenario: Scenario, duration_ns: int) -> None:

@@ -6,7 +6,6 @@ median is the measured one; loc and sigma are those whose quantiles come closest
 ones, in the logarithm, so that the tail counts.
 """
 
-import json
 import os
 import platform
 import re
@@ -14,18 +13,22 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from genie_sim.base import units
+from genie_sim.base.contracts import require
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
+from genie_sim.base.marks import Name
 from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.base.progress import Progress
+from genie_sim.base.settings import read
 from genie_sim.base.tables import UNITS, FileColumn, FileTable, title_of, with_point
-from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.yaml_input import inline, parse
 from genie_sim.version import VERSION
 
 PROFILE = OutputKind("device profile")  # people edit it
@@ -123,6 +126,10 @@ def measure(
     from genie_sim.data.detectors.detector import DetectorSettings
 
     detector = DetectorSettings(detector_name, weights).opened()
+    rule: Any = get_args(Name)[1]
+    is_name = isinstance(detector.name, str) and re.match(rule.pattern, detector.name)
+    expected = rule.rule.removeprefix("must be ")
+    require(bool(model or is_name), f"detector {detector_name!r}: name", detector.name, expected)
     picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)
     latencies = []
     for run in range(WARM_UP + runs):
@@ -308,7 +315,6 @@ def write(
     cores: int | None = None,
 ) -> DeviceProfile:
     """A whole device profile: what was measured, and assumptions, marked so, where nothing was.
-    Reads it back.
 
     Parameters
     ----------
@@ -316,28 +322,38 @@ def write(
     measured, fitted : the model's latencies and their law
     cores : of the device; ``None``: those of this machine if it was measured here, else assumed
     """
+    text, profile = _profile(path, measured, fitted, cores)
+    with atomic_write(path, PROFILE) as partial:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(text, encoding="utf-8")
+    return profile
+
+
+def check(path: Path, model: str, cores: int | None = None) -> None:
+    """Raises ``UserError`` for what ``write`` would refuse: before anything is measured."""
+    PROFILE.check(path)
+    law = Fit(median_ns=1, loc=0.5, sigma=1.0, gap=0.0, p95=1.0, p99=1.0, runs=1)
+    _profile(path, Measurement(model, np.ones(1), "not measured yet"), law, cores)
+
+
+def _profile(
+    path: Path, measured: Measurement, fitted: Fit, cores: int | None
+) -> tuple[str, DeviceProfile]:
+    """The text of a profile, and what is read back from it. Raises ``UserError``."""
     tag, cores_source = ("M", "processors of this machine") if measured.here else ("S", "assumed")
     count = (os.cpu_count() or 1) if measured.here else ASSUMED_CORES
     title = f"Measurement: {platform.node() or platform.machine()}" if measured.here else path.stem
     text = TEMPLATE.format(
-        name=_quoted(path.stem),
-        title=_quoted(title),
+        name=inline(path.stem),
+        title=inline(title),
         cores=count if cores is None else cores,
         cores_tag="S" if cores is not None else "M" if measured.here else "A",
         cores_source=cores_source if cores is None else "given",
         law=f"loc: {fitted.loc}, sigma: {fitted.sigma}",
         tag=tag,
-        fitted=_quoted(f"{measured.source}; {fitted}"),
-        model=_quoted(measured.model),
+        fitted=inline(f"{measured.source}; {fitted}"),
+        model=inline(measured.model),
         median=units.duration_text(fitted.median_ns),
-        source=_quoted(measured.source),
+        source=inline(measured.source),
     )
-    with atomic_write(path, PROFILE) as partial:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding="utf-8")
-        return load_profile(partial)
-
-
-def _quoted(text: str) -> str:
-    """A text in YAML."""
-    return json.dumps(text, ensure_ascii=False)
+    return text, read(DeviceProfile, parse(text, str(path)), lambda _: str(path))

@@ -62,7 +62,8 @@ class FaultEntry(FaultTimes):
     def shorten(self) -> object:
         """The settings of the fault beside its times."""
         fault = FAULT.written(self.fault)
-        assert isinstance(fault, dict), "every fault has a target"
+        if isinstance(fault, str):  # one of the user's own, with its defaults alone
+            fault = {FAULT.key: fault}
         times = written(FaultTimes, vars(self))
         return {**fault, **{key: item for key, item in times.items() if item is not None}}
 

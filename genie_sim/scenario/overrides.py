@@ -24,7 +24,7 @@ from genie_sim.scenario.yaml_input import parse
 
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6}|\*)\]")
 _PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[(\d{1,6}|\*)\])*")
-_ANYTHING = Kind.of(Any, "", {})
+_ANYTHING = Kind.of(Any)
 EVERY = -1  # of the entries of a list, as a step
 
 
@@ -60,15 +60,15 @@ def apply_overrides(
             raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
         steps = [name or (EVERY if at == "*" else int(at)) for name, at in _STEP.findall(path)]
         change = _Change(steps, parse(value, text), text)
-        changed = change.of(Kind.of(cls, "", {}), changed, "")
+        changed = change.applied_to(Kind.of(cls), changed, "")
         applied.append(Override(path, text))
     return changed, applied[::-1]  # of two with the same path the last counts
 
 
 class _Change(NamedTuple):
-    """One override: the steps of its path that are left, and the value at their end. What is not
-    written has its default; where it ``inherits``, as below a method's entry, another's value, such
-    as the scenario's.
+    """One override: the steps of its path that are left, the value at their end, and the text that
+    error lines call it. What is not written has its default; where it ``inherits``, as below a
+    method's entry, another's value, such as the scenario's.
     """
 
     steps: Sequence[str | int]
@@ -76,7 +76,7 @@ class _Change(NamedTuple):
     text: str
     inherits: bool = False
 
-    def of(self, kind: Kind, node: Any, path: str) -> Any:
+    def applied_to(self, kind: Kind, node: Any, path: str) -> Any:
         """What is written at ``path``, ``node``, with the change: with ``rate=1 Mbit/s`` left of
         ``cars[0].link.rate=1 Mbit/s``, ``wifi`` at ``cars[0].link`` becomes ``{like: wifi, rate: 1
         Mbit/s}``.
@@ -86,45 +86,50 @@ class _Change(NamedTuple):
         step, *following = self.steps
         below = self._replace(steps=following)
         if isinstance(step, int):
-            return below.of_entries(kind, node, path, step)
+            return below.applied_to_entries(kind, node, path, step)
         if isinstance(node, list) and any(isinstance(entry, dict) for entry in node):
             rest = _text(self.steps)
             other = f"did you mean {path}[*].{rest}, or {path}[0].{rest}?"
-            raise UserError(f"{self.text}: {path}: is a list; {other}")
+            raise self._error(path, f"is a list; {other}")
         try:
             mapping = {} if node is None else _written_out(kind, node, self.inherits)
         except SettingError:
-            problem = f"is {short_repr(node)}, which has no setting {step!r}"
-            raise UserError(f"{self.text}: {path}: {problem}") from None
+            text = f"is {short_repr(node)}, which has no setting {step!r}"
+            raise self._error(path, text) from None
         setting = _settings_in(kind, mapping).get(step)
         if setting is None:
-            mapping[step] = below.of(_ANYTHING, mapping.get(step), join(path, step))
+            mapping[step] = below.applied_to(_ANYTHING, mapping.get(step), join(path, step))
             return mapping
         below = below._replace(inherits=self.inherits or setting.default is REQUIRED)
         inner = mapping.get(step)
         if inner is None and not below.inherits:
             inner = _default_to_enter(setting, following)
-        mapping[step] = below.of(setting.kind, inner, join(path, step))
+        mapping[step] = below.applied_to(setting.kind, inner, join(path, step))
         return mapping
 
-    def of_entries(self, kind: Kind, node: Any, path: str, step: int) -> list[Any]:
+    def applied_to_entries(self, kind: Kind, node: Any, path: str, step: int) -> list[Any]:
         """The list with the entry at ``step``, or every one, changed."""
         if not isinstance(node, list):
             hint = ": it is null; set the whole list" if node is None else ""
-            raise UserError(f"{self.text}: {path}: is not a list in the scenario{hint}")
+            raise self._error(path, f"is not a list in the scenario{hint}")
         entries = [*node]
         places = range(len(entries)) if step == EVERY else [step]
         if not places:
-            raise UserError(f"{self.text}: {path}: is no list with entries in the scenario")
+            raise self._error(path, "is no list with entries in the scenario")
         for place in places:
             if place > len(entries):
                 count = "1 entry" if len(entries) == 1 else f"{len(entries)} entries"
                 text = f"has {count}, counted from 0; the next is {path}[{len(entries)}]"
-                raise UserError(f"{self.text}: {path}: {text}")
+                raise self._error(path, text)
             if place == len(entries):
                 entries.append([] if self.steps and isinstance(self.steps[0], int) else None)
-            entries[place] = self.of(_entry(kind, place), entries[place], f"{path}[{place}]")
+            entries[place] = self.applied_to(
+                _entry(kind, place), entries[place], f"{path}[{place}]"
+            )
         return entries
+
+    def _error(self, path: str, text: str) -> UserError:
+        return UserError(f"{self.text}: {path}: {text}")
 
 
 def _default_to_enter(setting: Setting, following: Sequence[str | int]) -> Any:
@@ -144,9 +149,8 @@ def _entry(kind: Kind, place: int) -> Kind:
     """What stands at a place of a list."""
     for member in kind.members:
         if member.type is tuple and member.arguments:
-            return member.items[
-                0 if member.arguments[-1] is ... else min(place, len(member.items) - 1)
-            ]
+            items = member.items  # of ``tuple[X, ...]`` one for all places
+            return items[min(place, len(items) - 1)]
     return _ANYTHING
 
 

@@ -178,7 +178,8 @@ def _recorded_sequence(scenario: Scenario) -> str | None:
 
 def _loaded_profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
     """The profile of every device, by the name or path that the scenario gives it. Raises
-    ``SettingError`` with the path where that stands first.
+    ``SettingError`` with the path where that stands first, also where two that differ call
+    themselves the same: power is measured by that name.
     """
     named = [(car.device, f"cars[{index}].device") for index, car in enumerate(scenario.cars)]
     named += [(edge.device, f"edges[{index}].device") for index, edge in enumerate(scenario.edges)]
@@ -189,5 +190,10 @@ def _loaded_profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
     for device, path in named:
         if device not in loaded:
             with checks.blamed_on(path):
-                loaded[device] = load_profile(device)
+                profile = load_profile(device)
+            for other, earlier in loaded.items():
+                if earlier.name == profile.name and earlier != profile:
+                    text = f"{device!r} and {other!r} differ, but both have the name"
+                    raise SettingError(path, f"{text} {profile.name!r}: give one another 'name'")
+            loaded[device] = profile
     return loaded

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from genie_sim.base import plugins, units
+from genie_sim.base.contracts import require
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.marks import Bounds, Name, NotEmpty, Short
 from genie_sim.base.plugins import Choice
@@ -224,10 +225,8 @@ class Scenario(MethodSettings):
         late_ns = int(stream(self.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
         return car.route.start_ns + late_ns
 
-    def shipped_links(self) -> "list[NamedLink]":
-        """Every link that is named here but those of the user's own, whose code runs only where a
-        scenario does.
-        """
+    def links(self) -> "list[NamedLink]":
+        """Every link that is named here."""
         named = [
             NamedLink(f"cars[{index}].link", car.link)
             for index, car in enumerate(self.cars)
@@ -239,7 +238,7 @@ class Scenario(MethodSettings):
             where = f"methods[{index}]." if "edge_network" in entry.settings else ""
             choice = self.method_settings[entry.name].edge_network
             named.append(NamedLink(f"{where}edge_network", choice, between_edges=True))
-        return [link for link in named if not plugins.is_own(link.choice.name)]
+        return named
 
     def own_plugins(self) -> list[NamedPlugIn]:
         """The classes of the user's own that are named here, wherever."""
@@ -268,10 +267,20 @@ class Scenario(MethodSettings):
         }
 
     def link_digests(self) -> dict[str, str]:
-        """Digests of the recordings that links replay."""
+        """Digests of the files that decide what links do. Runs code of the user's own; raises
+        ``UserError``.
+        """
         digests: dict[str, str] = {}
-        for link in self.shipped_links():
-            digests |= getattr(LINK.make(link.choice), "digests", dict)()
+        for path, choice, _ in self.links():
+            told: Any = getattr(LINK.make(choice), "digests", dict)()
+            is_text = isinstance(told, Mapping) and all(
+                isinstance(text, str) for item in told.items() for text in item
+            )
+            what = f"link model {choice.name!r}: digests()"
+            require(is_text, what, told, "a mapping from name to text")
+            for name, digest in told.items():
+                is_free = digests.get(name, digest) == digest and not plugins.is_own(choice.name)
+                digests[name if is_free else f"{path}: {name}"] = digest
         return digests
 
     def new_methods(self) -> dict[str, Method]:

@@ -16,7 +16,7 @@ def setting_paths(cls: type) -> tuple[str, ...]:
     """Every path of a settings class, such as ``Scenario``, once; of lists the first entry's:
     ``cars[0].device``.
     """
-    return tuple(dict.fromkeys(_below(Kind.of(cls, "", {}), "", ())))
+    return tuple(dict.fromkeys(_below(Kind.of(cls), "", ())))
 
 
 def hint(cls: type, path: str) -> str:

@@ -6,6 +6,7 @@ is a number, ``02`` and ``2011_09_26`` stay text; duplicate keys, tags and ancho
 
 import copy
 import functools
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ MAX_BYTES = 1_000_000
 MAX_DEPTH = 40
 _PARSER: Any = (Reader, Scanner, Parser) if CParser is None else (CParser,)
 _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
+
+_ESCAPED = re.compile(r"[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
 
 _PLAIN = {
     "tag:yaml.org,2002:null": re.compile(r"~|null|Null|NULL|"),
@@ -85,6 +88,15 @@ def dump(value: Any) -> str:
         allow_unicode=True,
         width=120,
         default_flow_style=False,
+    )
+
+
+def inline(value: Any) -> str:
+    """The same in one line, where every text is quoted: JSON, which is YAML too but for characters
+    that only escapes can write.
+    """
+    return _ESCAPED.sub(
+        lambda found: f"\\u{ord(found[0]):04x}", json.dumps(value, ensure_ascii=False)
     )
 
 

@@ -103,12 +103,12 @@ class BatchingDetectorNode(DetectorNode):
         del self._working[clock.active_process]
         first = clock.path
         begin_ns = self._begin_of_service(first)
-        for place, picture in enumerate(batch):
+        for number, picture in enumerate(batch):
             path = picture.path
-            if place and path is not None and path.end_ns < begin_ns:
+            if number and path is not None and path.end_ns < begin_ns:
                 label = self._accelerator_queueing
                 path = Span(label, begin_ns, before=path, header=path.header)
-            clock.waited(path if place else first, self.work_label)
+            clock.waited(path if number else first, self.work_label)
             self.completed += 1
             self.handle(picture.topic, picture.message, picture.sender)
 

@@ -28,7 +28,7 @@ def run(entry: TimedFault, network: Network, last_frame_ns: int, spans: list[Fau
         yield drawn(between_ns)
     while between_ns is None or clock.now <= last_frame_ns:
         text = target if isinstance(target, str) else ", ".join(target)
-        place = len(spans)
+        number = len(spans)
         spans.append(FaultSpan(entry.kind, text, clock.now, None))
         steps = entry.fault.strike(network)
         generator = "a generator, a function that yields"
@@ -42,7 +42,7 @@ def run(entry: TimedFault, network: Network, last_frame_ns: int, spans: list[Fau
             yield clock.timeout(entry.end_ns - entry.begin_ns)
         else:
             return
-        spans[place] = spans[place]._replace(end_ns=clock.now)
+        spans[number] = spans[number]._replace(end_ns=clock.now)
         if process.is_alive:
             process.interrupt("end")
         else:

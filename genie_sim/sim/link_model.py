@@ -68,7 +68,8 @@ class LinkModel(Protocol):
 
 class Sender:
     """Carries the messages of one direction of a link, one after the other: ``transmit`` and
-    ``delay_ns``. One that shares nothing with other links is a ``TimedSender``.
+    ``delay_ns``. (The ``sender`` of a message is the node that published it.) One that shares
+    nothing with other links is a ``TimedSender``.
 
     ``random`` has the random numbers of the message that is sent.
 

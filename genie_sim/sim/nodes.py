@@ -125,11 +125,11 @@ class InterceptorNode(Node):
             self.clock.process(self._watch_deadlines(self.clock.path))
 
     def lose_memory(self, where: str) -> None:
-        for record in self.pure.on_memory_lost():
-            if isinstance(record, Expired):
-                self.graph.dropped(Detections(record.header, ()), where)
+        for observation in self.pure.on_memory_lost():
+            if isinstance(observation, Expired):
+                self.graph.dropped(Detections(observation.header, ()), where)
             else:
-                self._observe(self.name, record, self.clock.now)
+                self._observe(self.name, observation, self.clock.now)
         self.pure = self._make()
 
     def _carry_out(self, effects: list[Effect]) -> None:

@@ -23,7 +23,7 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import plain_data
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.scenario.yaml_input import inline, parse, read_mapping
 from genie_sim.version import VERSION
 
 MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
@@ -220,7 +220,7 @@ class Axis:
             return list(self.cases.items())
         values = self.cases or ()
         quantities = self._quantities()
-        texts = [value if isinstance(value, str) else _text(value) for value in values]
+        texts = [value if isinstance(value, str) else inline(value) for value in values]
         numbers = [quantity.number for quantity in quantities or ()]
         names: Sequence[Level] = numbers or texts
         return [
@@ -256,11 +256,6 @@ class Axis:
 
 def _twice(values: Iterable[Value]) -> Value | None:
     return next((value for value, times in Counter(values).items() if times > 1), None)
-
-
-def _text(value: object) -> str:
-    """JSON is YAML, and says of a text that it is one."""
-    return json.dumps(value, ensure_ascii=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -366,7 +361,7 @@ class Design:
                     path: value for name in self.axes for path, value in values[name][1].items()
                 }
                 scenario = settings.pop(SCENARIO, self.scenario)
-                overrides = tuple(f"{path}={_text(value)}" for path, value in settings.items())
+                overrides = tuple(f"{path}={inline(value)}" for path, value in settings.items())
                 yield SweepPoint(
                     tuple(values[name][0] for name in self.axes), str(scenario), overrides
                 )

@@ -278,8 +278,11 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
     made |= {"metrics": {}, "rows": {}}
     provenance.write_json(tmp_path / "run.json", made)
     assert provenance.read_run_json(tmp_path) == made
-    with pytest.raises(UserError, match=r"no run\.json"):
+    with pytest.raises(UserError, match=r"elsewhere: .* does not exist"):
         provenance.read_run_json(tmp_path / "elsewhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UserError, match=r"empty: .* no run\.json"):
+        provenance.read_run_json(tmp_path / "empty")
     (tmp_path / "run.json").write_text('{"format": 1}')
     with pytest.raises(
         UserError, match="made by an older genie-sim: format 1, this one reads 6; run it again"

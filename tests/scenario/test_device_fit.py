@@ -11,6 +11,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.units import NS_PER_MS
+from genie_sim.cli.main import main
 from genie_sim.runs.build import detector_time
 from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile
@@ -295,3 +296,32 @@ def test_one_source_of_latencies_is_asked_for(run_cli):
     assert run_cli("profile", "--out", "x.yaml").stderr.startswith(
         "genie-sim: profile: give either --detector"
     )
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (["--out", "my laptop.yaml"], "my laptop.yaml: name: "),
+        (["--model", "my net", "--out", "a.yaml"], "a.yaml: models"),
+        (["--cores", "5000", "--out", "a.yaml"], "a.yaml: cores.value: "),
+    ],
+)
+def test_what_no_profile_can_hold_is_told_before_it_is_measured(given, told, monkeypatch, capsys):
+    monkeypatch.setattr(device_fit, "measure", None)
+    assert main(["profile", "--detector", "yolox_nano", *given]) == 1
+    assert capsys.readouterr().err.startswith(f"genie-sim: {told}")
+
+
+def test_the_table_s_name_is_a_model_s_before_it_is_read(capsys):
+    assert main(["profile", "--csv", "run 1.csv", "--out", "a.yaml"]) == 1
+    assert capsys.readouterr().err.startswith("genie-sim: a.yaml: models")
+
+
+def test_a_detector_that_no_profile_can_name_is_not_measured(monkeypatch):
+    detector = SlowAtFirst()
+    detector.name = "my net"
+    opened = "genie_sim.data.detectors.detector.DetectorSettings.opened"
+    monkeypatch.setattr(opened, lambda _: detector)
+    with pytest.raises(UserError, match="'slow': name is 'my net'"):
+        device_fit.measure("slow", None, 25, None, print)
+    assert detector.calls == 0

@@ -20,8 +20,10 @@ from genie_sim.sim.link_model import LINK
 
 OWN = """\
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
+from genie_sim import UserError
 from genie_sim.methods.local import Local
 from genie_sim.base.marks import Bounds
 
@@ -51,6 +53,31 @@ class Tunnel:
     rate_bps: int = 10**6
 
     def sender(self, network, ends): ...
+
+
+class Replay(Tunnel):
+    needs_sites = True
+
+    def __init__(self, file="rates.txt", digest=None):
+        self.file, self.digest = file, digest
+
+    def check(self):
+        if not Path(self.file).is_file():
+            raise UserError(f"{self.file}: not found")
+
+    def digests(self):
+        return self.digest or {"file": Path(self.file).read_text()}
+
+
+class OfCars(Tunnel):
+    needs_cars = True
+
+    def __init__(self): ...
+
+
+@dataclass(frozen=True)
+class Mist(Fog):
+    target: str = "edge1"
 """
 SCENARIO = """\
 edges: [{{name: edge1, device: agx_xavier}}]
@@ -131,6 +158,46 @@ def test_an_override_is_told_as_it_was_written() -> None:
     with pytest.raises(UserError) as error:
         check_own_plugins(load_scenario("x.yaml", [text]))
     assert str(error.value).startswith(f"--set {text}: methods[0].ttl: duration 3 has no unit")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (["edges[0].at=null"], "x.yaml: cars[0].link: rates.txt: not found"),
+        (["cars[0].link.file=x.yaml"], "x.yaml: edges[0].at: missing; link model '"),
+        (
+            ["cars[0].link=wifi", "edge_network=own_settings_module:OfCars"],
+            "edge_network: link model '",
+        ),
+    ],
+)
+def test_a_link_model_of_ones_own_says_what_it_needs(settings: list[str], message: str) -> None:
+    scenario(link='{model: "MODULE:Replay"}')
+    with pytest.raises(UserError) as error:
+        check_own_plugins(load_scenario("x.yaml", settings))
+    assert message in str(error.value)
+
+
+def test_the_files_of_ones_own_links_decide_the_outcome() -> None:
+    """Each of two that call theirs the same; and only text is a digest."""
+    replay = '{model: "own_settings_module:Replay", file: %s}'
+    Path("a.txt").write_text("first")
+    Path("b.txt").write_text("second")
+    setting = scenario(link=replay % "a.txt")
+    two = load_scenario("x.yaml", [f"edge_network={replay % 'b.txt'}"])
+    before = two.link_digests()
+    assert sorted(before.values()) == ["first", "second"]
+    Path("a.txt").write_text("third")
+    assert sorted(two.link_digests().values()) == ["second", "third"]
+    assert [*setting.link_digests().values()] == ["third"]
+    with pytest.raises(UserError, match=r"own_settings_module:Replay.*digests\(\) is .3"):
+        load_scenario("x.yaml", ["cars[0].link.digest=[3]"]).link_digests()
+
+
+def test_a_fault_of_ones_own_may_be_all_defaults() -> None:
+    setting = scenario(fault='{fault: "MODULE:Mist", begin: 3 s}')
+    again = from_plain(Scenario, plain_data(setting))
+    assert again.faults == setting.faults and again.faults[0].fault.name.endswith(":Mist")
 
 
 @dataclass(frozen=True, kw_only=True)

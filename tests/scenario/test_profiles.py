@@ -20,6 +20,7 @@ from genie_sim.runs import build
 from genie_sim.scenario.power import Watts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.sim.device import ServiceTime
+from tests.make import scenario
 
 SHIPPED = [
     "jetson_tx2",
@@ -223,3 +224,19 @@ TIME = {"median": "1 ms", "tag": "A", "source": "a guess"}
 )
 def test_mistakes_in_a_profile(changes: dict[str, Any], field: str, tmp_path: Path) -> None:
     assert refusal(profile_data(**changes), tmp_path).startswith(f"mine.yaml: {field}: ")
+
+
+def test_two_profiles_that_differ_have_two_names(tmp_path: Path) -> None:
+    """Energy is counted by name: the last of them would count for both."""
+    same, other = tmp_path / "same.yaml", tmp_path / "other.yaml"
+    same.write_text(yaml.safe_dump(profile_data()))
+    other.write_text(yaml.safe_dump(profile_data(power=None)))
+    assert set(scenario([car("car1"), car("car2", str(same))]).profiles) >= {str(same)}
+    with pytest.raises(UserError, match=r"^scenario: cars\[1\]\.device: .* 'jetson_tx2'"):
+        scenario([car("car1"), car("car2", str(other))])
+    with pytest.raises(UserError, match=r"^scenario: edges\[0\]\.device: .* 'jetson_tx2'"):
+        scenario([car("car1")], edges=[{"name": "edge1", "device": str(other)}])
+
+
+def car(name: str, device: str = "jetson_tx2") -> dict[str, Any]:
+    return {"name": name, "device": device, "edge": None}
