@@ -49,7 +49,7 @@ def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
 
 
 def _sureness(row: Difference) -> str:
-    what = "seeds" if row.by == SEEDS else "blocks of 1 s of one seed"
+    what = "seeds" if row.by == SEEDS else "blocks (1 s of one car each) of one seed"
     return f"95 % intervals of paired differences, over {row.n} {what}"
 
 

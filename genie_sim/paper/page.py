@@ -29,11 +29,6 @@ ABOUT_CLAIMS = (
     "95 % interval. The set-ups were chosen with outcomes in sight: what holds describes the paper "
     "and predicts nothing."
 )
-ABOUT_ACCURACY = (
-    "The paper does not measure it. Against KITTI's labels: what the consumer holds at each "
-    "instant, mean over the six scenarios, in brackets its 95 % interval; the zero-delay detector "
-    "is the detector's own answer without any delay."
-)
 ACCURACY = (
     "object_recall_static",
     "object_recall_moving",
@@ -71,7 +66,7 @@ def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = 
                 ),
                 Section(
                     "How accurate the answers are",
-                    [template.note(ABOUT_ACCURACY), template.table(accuracy(evidence))],
+                    [template.note(printed.ABOUT_ACCURACY), template.table(accuracy(evidence))],
                 ),
                 Section("All numbers", [template.table(_means(evidence), filtered=True)], True),
             ],

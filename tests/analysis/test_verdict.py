@@ -115,7 +115,7 @@ def test_without_truth_the_proxy_speaks_and_blocks_are_named():
     (sentence,) = verdicts(comparison(proxy))
     assert sentence == (
         "B is better than A in proxy F1, first answer (+10 percentage points, +5 to +15); "
-        "95 % intervals of paired differences, over 12 blocks of 1 s of one seed."
+        "95 % intervals of paired differences, over 12 blocks (1 s of one car each) of one seed."
     )
 
 
