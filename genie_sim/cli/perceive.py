@@ -86,7 +86,7 @@ def perceive(
     settings = arguments.detector_settings(**network, min_score=min_score, encoding=encoding)
     assert drive is not None
     check_replaceable(out)  # before the detector runs
-    root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
+    root, camera_names = perception.kitti_folder(kitti), arguments.listed("--cameras", cameras)
     report = ImportReport(root, accept)
     selection = perception.FrameSelection(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans

@@ -16,6 +16,7 @@ def rerun(folder: Path) -> None:
     from genie_sim import kinds
 
     result = kinds.load(folder)
-    with ProgressBar() as progress:
+    seconds = isinstance(result, kinds.Run | kinds.Runs)
+    with ProgressBar("s of all methods" if seconds else "runs") as progress:
         for line in result.rerun(progress):
             click.echo(line)

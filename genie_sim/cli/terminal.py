@@ -159,7 +159,7 @@ class ProgressBar:
     and what is going on. ``unit`` says of what: of seconds, one digit is told.
     """
 
-    def __init__(self, unit: str = "s") -> None:
+    def __init__(self, unit: str) -> None:
         self._unit = unit
         self._tenths, self._told_s = 0, time.monotonic()
         self._on_terminal = sys.stderr.isatty()

@@ -135,12 +135,12 @@ def test_without_a_terminal_there_is_no_bar_and_no_colour(run_process):
 
 def test_without_a_terminal_a_line_with_each_tenth_says_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setenv("GENIE_SIM_PROGRESS", "off")
-    with terminal.ProgressBar() as progress:
+    with terminal.ProgressBar("s") as progress:
         progress(45.0, 90.0, "genie, 400 frames/s")
     assert capsys.readouterr().err == ""
     monkeypatch.delenv("GENIE_SIM_PROGRESS")
     monkeypatch.setattr(terminal, "LINE_EVERY_S", 0)
-    with terminal.ProgressBar() as progress:
+    with terminal.ProgressBar("s") as progress:
         for step in range(1001):
             progress(0.09 * step, 90.0, "genie, 400 frames/s")
     lines = capsys.readouterr().err.splitlines()
