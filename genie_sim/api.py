@@ -363,17 +363,19 @@ def load_scenario(
     methods: Sequence[str] = (),
 ) -> Scenario:
     """A scenario, checked: a file or a shipped name, a mapping as in YAML, or another scenario,
-    with ``settings``, and with these ``methods`` alone where some are named.
+    with ``settings``, and with these ``methods`` alone where some are named. Another scenario keeps
+    the device profiles that it was read with.
 
     Raises ``UserError``.
     """
     overrides, seed = _overrides(settings), plain(seed, "seed")
-    if isinstance(source, Scenario) and not (overrides or seed is not None or methods):
-        return source
     more: Any = {"methods": methods, "settings_from": ""}
     if isinstance(source, str | Path):
         return reading.load_scenario(source, overrides, seed, **more)
-    data = plain_data(source) if isinstance(source, Scenario) else plain(source, "scenario")
+    if isinstance(source, Scenario):
+        data, more["profiles"] = plain_data(source), source.profiles
+    else:
+        data = plain(source, "scenario")
     return reading.read_scenario({"name": "scenario", **data}, overrides, seed, **more)
 
 

@@ -113,9 +113,9 @@ class Run(results.Run, _OfRuns):
     @cached_property
     def scenario(self) -> "Scenario":
         """The scenario as it was run."""
-        from genie_sim.scenario import reading
+        from genie_sim.runs import folder as run_folder
 
-        return reading.read_scenario(self.facts["scenario"], where=self.name)
+        return run_folder.scenario_of(self.facts, self.name)
 
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""

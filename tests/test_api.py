@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -255,6 +256,14 @@ def test_a_scenario_may_be_a_mapping_a_file_or_another_scenario(run):
     assert gs.load_scenario(as_mapping, ["genie.eviction=lru"]).genie.eviction == "lru"
 
 
+def test_a_scenario_that_a_program_changed_is_checked():
+    given = gs.load_scenario("street_1car_homo")
+    other = replace(given, cars=(replace(given.cars[0], device="orin_nano"),))
+    assert gs.load_scenario(other).profiles.keys() >= {"orin_nano"}
+    with pytest.raises(gs.UserError, match="seed: must be at least 0"):
+        gs.load_scenario(replace(given, seed=-1))
+
+
 def test_progress_is_told_in_simulated_seconds():
     told = []
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
@@ -373,6 +382,7 @@ def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(given, tmp_path, m
         (lambda: gs.run("3car_hetero", [1]), "settings[0]"),
         (lambda: gs.run("3car_hetero", seed=1.5), "seed"),
         (lambda: gs.run("3car_hetero", methods=5), "methods"),
+        (lambda: gs.run("3car_hetero", methods={"local", "genie"}), "methods"),
         (lambda: gs.run("3car_hetero", label=5), "label"),
         (lambda: gs.run("3car_hetero", out=5), "out"),
         (lambda: gs.run("3car_hetero", report="no"), "report"),

@@ -40,8 +40,8 @@ class Bounds:
 
 @dataclasses.dataclass(frozen=True)
 class Matches:
-    """A text must match a regular expression and have at most ``maximum`` characters; ``rule`` says
-    so in words.
+    """The whole of a text must match a regular expression and have at most ``maximum`` characters;
+    ``rule`` says so in words.
     """
 
     pattern: str

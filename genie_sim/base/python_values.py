@@ -15,6 +15,7 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 WORDS = {NoneType: "None", str: "a text", bool: "true or false", int: "a whole number"}
 WORDS |= {Mapping: "a mapping", Collection: "a list"}
+UNORDERED = (set, frozenset)  # from one process to the next what they hold has another order
 
 
 def typed(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -66,6 +67,8 @@ def _is_any_of(value: object, kinds: list[type]) -> bool:
         return True
     if isinstance(value, Mapping) and Mapping not in kinds:
         return False
+    if isinstance(value, UNORDERED):
+        return False
     return any(
         all(hasattr(value, name) for name in _members(kind))
         if getattr(kind, "_is_protocol", False)
@@ -106,7 +109,7 @@ def plain(value: Any, where: str) -> Any:
         return {str(key): plain(item, f"{where}.{key}") for key, item in value.items()}
     if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a scalar of numpy
         return plain(value.item(), where)
-    if isinstance(value, Iterable) and not isinstance(value, bytes | bytearray):
+    if isinstance(value, Iterable) and not isinstance(value, (bytes, bytearray, *UNORDERED)):
         return [plain(item, f"{where}[{index}]") for index, item in enumerate(value)]
     if isinstance(value, Integral):
         return int(value)

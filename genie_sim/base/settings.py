@@ -37,6 +37,7 @@ from genie_sim.base.units import Quantity
 
 Instance = TypeVar("Instance")
 CLOSE = 0.75  # of difflib's ratio: above it a misspelt name, below it perhaps one of another place
+MAX_DIGITS = 18  # of whole numbers: all fit 64 bits, and all are read back as they are written
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
 
 
@@ -340,6 +341,8 @@ def _number(kind: Kind, value: float) -> float:
         number = float(value) if abs(value) < 1e308 else math.inf
         if not math.isfinite(number):
             raise must("be a finite number", value)
+    elif abs(number) >= 10**MAX_DIGITS:
+        raise must(f"have at most {MAX_DIGITS} digits", value)
     if not bounds.contain(number):
         raise must(f"be {bounds.words('{:,.10g}'.format)}", value)
     return number
@@ -348,7 +351,7 @@ def _number(kind: Kind, value: float) -> float:
 def _check_text(rule: Matches, text: str) -> None:
     if len(text) > rule.maximum:
         raise SettingError("", f"must have at most {rule.maximum} characters, not {len(text)}")
-    if not re.search(rule.pattern, text):
+    if not re.fullmatch(rule.pattern, text):
         raise SettingError("", f"{rule.rule}, not {short_repr(text)}")
 
 

@@ -74,12 +74,12 @@ def _interfaces(scenario: Scenario) -> dict[str, Interface]:
 
 
 def _interface_of(link: Choice) -> str | None:
-    """The interface for a link: that of its model, or of the named link with its rates."""
-    rates = ("rate_up_bps", "rate_down_bps")
+    """The interface for a link: of its model, or of the named link with its rates and overhead."""
+    telling = ("rate_up_bps", "rate_down_bps", "overhead_bytes")
     for name, interface in OF_LINKS.items():
         preset = LINKS[name]
         if link.name == preset.name and all(
-            link.parameters[rate] == preset.parameters[rate] for rate in rates
+            link.parameters[key] == preset.parameters[key] for key in telling
         ):
             return interface
     return OF_MODELS.get(link.name)

@@ -131,7 +131,7 @@ def with_fleet(
     if not (west_m < east_m and south_m < north_m):
         raise scenario.error_at("fleet", f"the map has no extent: {frames.extent_m} [m]")
     cells = Cells(frames.extent_m, fleet.cell_m)
-    if len(cells) > MAX_EDGES:
+    if cells.columns * cells.rows > MAX_EDGES:  # `len` ends at 2^63
         text = f"makes more than {MAX_EDGES:,} edges of this map"
         raise scenario.error_at("fleet.cell", text)
     names = [cells.name(cell) for cell in range(len(cells))]

@@ -152,6 +152,17 @@ def methods_of(prepared: Prepared) -> list[MethodInfo]:
     return [MethodInfo(**method) for method in prepared.facts["methods"]]
 
 
+def scenario_of(facts: Mapping[str, Any], where: str) -> Scenario:
+    """The scenario of a run, with the device profiles it was made with; errors begin with
+    ``where``. Raises ``UserError``.
+    """
+    profiles = {
+        name: read(DeviceProfile, device, lambda _: where)
+        for name, device in facts["devices"].items()
+    }
+    return read_scenario(facts["scenario"], where=where, profiles=profiles)
+
+
 class Compared(NamedTuple):
     """A result that was computed again: ``versions`` that are not those of the first time, a line
     each, and how each file, by its name, compares.
@@ -190,12 +201,7 @@ def rerun(folder: Path, progress: Progress | None = None) -> Compared:
         log.warning("%s: %s", folder, line)
     from genie_sim.report import template
 
-    scenario = read_scenario(made["facts"]["scenario"], where=where)
-    devices = {
-        name: read(DeviceProfile, device, lambda _: where)
-        for name, device in made["facts"]["devices"].items()
-    }
-    prepared = prepare(scenario, progress, devices)
+    prepared = prepare(scenario_of(made["facts"], where), progress)
     for key, now in prepared.facts.items():
         before = made["facts"].get(key)
         if now != before:

@@ -127,7 +127,7 @@ def measure(
 
     detector = DetectorSettings(detector_name, weights).opened()
     rule: Any = get_args(Name)[1]
-    is_name = isinstance(detector.name, str) and re.match(rule.pattern, detector.name)
+    is_name = isinstance(detector.name, str) and re.fullmatch(rule.pattern, detector.name)
     expected = rule.rule.removeprefix("must be ")
     require(bool(model or is_name), f"detector {detector_name!r}: name", detector.name, expected)
     picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)

@@ -16,7 +16,7 @@ from genie_sim.sim.settings import MethodSettings
 
 # neither control characters nor what turns the direction of writing round
 STEERING = r"[\u0000-\u001f\u007f-\u009f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
-LINE = rf"^(?![\s\S]*{STEERING})[\s\S]*\S"
+LINE = rf"^(?![\s\S]*{STEERING})[\s\S]*\S\s*$"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -213,8 +213,8 @@ def _settings_in(kind: Kind, value: Mapping[str, Any]) -> dict[str, Setting]:
             for cls in () if plug_in is None else plug_in.beside:
                 settings += (own._replace(default=REQUIRED) for own in settings_of(cls))
         name = plug_in and value.get(plug_in.key, value.get("name", plug_in.default))
-        if plug_in is not None and name in plug_in.registry:
-            settings += settings_of(plug_in.resolve(str(name)))
+        if plug_in is not None and isinstance(name, str) and name in plug_in.registry:
+            settings += settings_of(plug_in.resolve(name))
     return {setting.key: setting for setting in settings}
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from genie_sim.base import files, plugins
@@ -56,6 +57,7 @@ def read_scenario(
     settings_from: str = "--set",
     methods: Sequence[str] = (),
     methods_from: str = "methods",
+    profiles: Mapping[str, DeviceProfile] = MappingProxyType({}),
 ) -> Scenario:
     """The scenario in ``data``.
 
@@ -76,6 +78,8 @@ def read_scenario(
         None: those of the scenario.
     methods_from : str
         What gave ``methods``, to begin errors with.
+    profiles : mapping
+        Device profiles, by the name or path that ``data`` gives them; others are loaded.
 
     Raises
     ------
@@ -92,7 +96,7 @@ def read_scenario(
         scenario = replace(from_plain(Scenario, settings), read_from=read_from)
         if methods:
             scenario = _with_methods(scenario, methods, methods_from)
-        return _checked(scenario)
+        return _checked(replace(scenario, profiles=profiles))
 
     try:
         return read(len(overrides))
@@ -177,9 +181,9 @@ def _recorded_sequence(scenario: Scenario) -> str | None:
 
 
 def _loaded_profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
-    """The profile of every device, by the name or path that the scenario gives it. Raises
-    ``SettingError`` with the path where that stands first, also where two that differ call
-    themselves the same: power is measured by that name.
+    """The profile of every device, by the name or path that the scenario gives it; those that it
+    has already are not loaded again. Raises ``SettingError`` with the path where that stands first,
+    also where two that differ call themselves the same: power is measured by that name.
     """
     named = [(car.device, f"cars[{index}].device") for index, car in enumerate(scenario.cars)]
     named += [(edge.device, f"edges[{index}].device") for index, edge in enumerate(scenario.edges)]
@@ -190,7 +194,7 @@ def _loaded_profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
     for device, path in named:
         if device not in loaded:
             with checks.blamed_on(path):
-                profile = load_profile(device)
+                profile = scenario.profiles.get(device) or load_profile(device)
             for other, earlier in loaded.items():
                 if earlier.name == profile.name and earlier != profile:
                     text = f"{device!r} and {other!r} differ, but both have the name"

@@ -37,7 +37,7 @@ _ESCAPED = re.compile(r"[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
 _PLAIN = {
     "tag:yaml.org,2002:null": re.compile(r"~|null|Null|NULL|"),
     "tag:yaml.org,2002:bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
-    "tag:yaml.org,2002:int": re.compile(r"[-+]?(0|[1-9][0-9]{0,17})"),
+    "tag:yaml.org,2002:int": re.compile(r"[-+]?(0|[1-9][0-9]{0,30})"),
     "tag:yaml.org,2002:float": re.compile(
         r"[-+]?((0|[1-9][0-9]{0,30})(\.[0-9]{1,30})?|\.[0-9]{1,30})([eE](-[0-9]{1,3}|\+?[0-9]{1,2}))?"
     ),

@@ -99,7 +99,7 @@ def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) 
         return load_scenario(point.scenario, point.overrides, **more)
     if not point.overrides and not methods:
         return base
-    return read_scenario(plain_data(base), point.overrides, **more)
+    return read_scenario(plain_data(base), point.overrides, profiles=base.profiles, **more)
 
 
 def runs_of(

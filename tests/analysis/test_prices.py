@@ -9,6 +9,7 @@ import pytest
 
 from genie_sim.analysis import compare, metrics, prices, summary
 from genie_sim.data.sources import RecordedDrives
+from genie_sim.links.presets import LINKS
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import HOSTS, POWER, HostRow, PowerRow
 from genie_sim.record.results import Run
@@ -17,7 +18,7 @@ from genie_sim.runs import build
 from genie_sim.runs.folder import finished, run_in_memory
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
+from genie_sim.scenario.power import INTERFACES, OF_LINKS, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.interface import InterfaceUse
@@ -226,12 +227,14 @@ def test_a_link_without_known_power_is_told_where_it_carries_anything():
         ({"model": "cell", "path_loss": "none"}, "nr5g"),
         ({"model": "trace"}, "nr5g"),
         ({"like": "lte", "rate_up": "9 Mbit/s"}, None),
+        ({"like": "nr5g", "rate_up": "100 Mbit/s", "rate_down": "100 Mbit/s"}, None),
     ],
 )
 def test_the_interface_fits_the_link(link: Any, name: str | None):
     setting = scenario([{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": link}])
     found = build._interfaces(setting)
     assert (found["car1"].name if found else None) == name
+    assert OF_LINKS.keys() == LINKS.keys()
 
 
 def test_comparisons_have_prices():

@@ -48,8 +48,8 @@ def test_a_value_is_what_it_stands_for(value: Any, expected: Any):
 
 @pytest.mark.parametrize(
     "value",
-    [object(), b"bytes", 1j, {"a": [lambda: 0]}],
-    ids=["object", "bytes", "complex", "function"],
+    [object(), b"bytes", 1j, {"a": [lambda: 0]}, {"genie", "local"}, {"a": [frozenset("b")]}],
+    ids=["object", "bytes", "complex", "function", "set", "frozenset"],
 )
 def test_anything_else_is_refused_with_its_place_and_type(value: Any):
     with pytest.raises(UserError, match=r"^x(\.a\[0\])?: .* of type \w+: expected a number"):

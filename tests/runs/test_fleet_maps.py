@@ -167,6 +167,7 @@ def test_a_map_that_has_cars_says_when_they_start():
         ("Nowhere", {"cars": 2}, "car1 is at no place of the map"),
         ("Flat", {"cars": 2}, "fleet: the map has no extent"),
         ("Plain", {"cars": 2, "cell": "1 cm"}, "fleet.cell: makes more than 100,000 edges"),
+        ("Plain", {"cars": 2, "cell": "1e-9 m"}, "fleet.cell: makes more than 100,000 edges"),
     ],
 )
 def test_what_does_not_fit_a_map_is_refused_in_one_line(source, fleet, message):

@@ -11,7 +11,9 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
+import genie_sim as gs
 from genie_sim.cli.main import main
+from tests.checkout import REPOSITORY
 
 OWN = """
 from dataclasses import dataclass
@@ -39,6 +41,19 @@ def test_own_settings_keep_the_order_in_which_they_were_written(tmp_path, capsys
     assert main(["run", "street_1car_homo", *SHORT, "--set", methods]) == 0
     assert main(["rerun", str(only_folder()), "--allow-own-code"]) == 0
     assert capsys.readouterr().out.endswith("reproduced, byte for byte\n")
+
+
+def test_a_run_has_the_device_profiles_it_was_made_with(capsys):
+    mine = Path("mine.yaml")
+    text = (REPOSITORY / "device_profiles/jetson_tx2.yaml").read_text()
+    mine.write_text(text.replace("name: jetson_tx2", "name: mine"))
+    line = ["run", "street_1car_homo", *SHORT, "--methods", "local"]
+    assert main([*line, "--set", "cars[0].device=./mine.yaml"]) == 0
+    mine.unlink()
+    assert main(["rerun", str(only_folder())]) == 0
+    assert capsys.readouterr().out.endswith("reproduced, byte for byte\n")
+    scenario = gs.load(only_folder()).scenario
+    assert gs.load_scenario(scenario, seed=2).profiles["./mine.yaml"].name == "mine"
 
 
 def test_each_run_of_several_seeds_is_run_again(capsys):

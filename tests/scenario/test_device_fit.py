@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from statistics import NormalDist
 
 import numpy as np
@@ -317,11 +318,12 @@ def test_the_table_s_name_is_a_model_s_before_it_is_read(capsys):
     assert capsys.readouterr().err.startswith("genie-sim: a.yaml: models")
 
 
-def test_a_detector_that_no_profile_can_name_is_not_measured(monkeypatch):
+@pytest.mark.parametrize("name", ["my net", "net\n"])
+def test_a_detector_that_no_profile_can_name_is_not_measured(name, monkeypatch):
     detector = SlowAtFirst()
-    detector.name = "my net"
+    detector.name = name
     opened = "genie_sim.data.detectors.detector.DetectorSettings.opened"
     monkeypatch.setattr(opened, lambda _: detector)
-    with pytest.raises(UserError, match="'slow': name is 'my net'"):
+    with pytest.raises(UserError, match=re.escape(f"'slow': name is {name!r}")):
         device_fit.measure("slow", None, 25, None, print)
     assert detector.calls == 0

@@ -158,6 +158,7 @@ def test_whole_lines():
     ("overrides", "blamed", "field"),
     [
         (["seed.x=1"], 0, "seed"),
+        (["genie.similarity={name: [x]}", "genie.similarity.cell=1 m"], 0, "genie.similarity.name"),
         (["seed=2", "cars[3].name=car4"], 1, "cars[3].device"),
         (["cars[*].nam=x", "seed=2"], 0, "cars[0].nam"),
         (["genie.capacity.of=1"], 0, "genie.capacity.of"),

@@ -272,6 +272,14 @@ def test_a_users_own_device(tmp_path: Path) -> None:
     assert scenario(TWO_CARS, "cars[0].device=./mine.yaml").cars[0].device == "./mine.yaml"
 
 
+def test_a_whole_number_is_refused_that_would_not_read_back() -> None:
+    most = 10**18 - 1
+    longest = load_scenario("street_1car_homo", seed=most)
+    assert reread(longest).seed == scenario(TWO_CARS, f"seed={most}").seed == most
+    with pytest.raises(UserError, match="seed: must have at most 18 digits"):
+        load_scenario("street_1car_homo", seed=most + 1)
+
+
 def test_nothing_can_be_changed_afterwards() -> None:
     with pytest.raises(FrozenInstanceError):
         scenario().seed = 2
