@@ -82,13 +82,13 @@ def figures(
             raise UserError(
                 f"{'--out' if is_file else '--format'}: {unknown('format', one, FORMATS)}"
             )
+    if out is None and len(folders) > 1:
+        raise UserError("figures: of several results: say where to, with --out")
     result = kinds.shown(folders, listed("--methods", methods), labels)
     if only is None or name is None:
         drawn = result.figures(width_in)
     else:
         drawn = {name: result.figure(only, width_in)}
-    if out is None and len(folders) > 1:
-        raise UserError("figures: of several results: say where to, with --out")
     if out is None:
         out = provenance.contained(folders[0], "figures")
     paths = save_all(drawn, out.parent if is_file else out, list(dict.fromkeys(formats)))

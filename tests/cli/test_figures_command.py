@@ -109,6 +109,11 @@ def test_a_figure_that_cannot_be_drawn_gets_one_line(folders, line, message, cap
 
 
 @pytest.mark.slow
+def test_several_results_need_a_folder_before_they_are_read(capsys):
+    assert main(["figures", "nowhere", "nor_here"]) == 1
+    assert "--out" in capsys.readouterr().err
+
+
 def test_methods_labels_and_metrics_choose_in_every_command_that_shows(folders, capsys):
     line = ["--methods", "genie,remote", "--metrics", "first_answer_p99", "--format", "csv"]
     for command in ("table", "compare"):
