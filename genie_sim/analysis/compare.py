@@ -356,8 +356,8 @@ def _decisive(run: Run) -> dict[str, Any]:
         for name, digest in run.facts["traces"].items()
         if is_recorded or name.startswith("link ")
     }
-    others = {name: run.facts.get(name) for name in ("laws", *OUTCOME)}
-    return {"scenario": scenario, "traces": traces, **others}
+    others = {name: run.facts[name] for name in OUTCOME}
+    return {"scenario": scenario, "traces": traces, "laws": run.facts.get("laws"), **others}
 
 
 def _alike(run: Run, other: Run) -> str:
