@@ -1,3 +1,3 @@
-"""Arithmetic on the tables of a run: a class a metric, one table of results, figures. It knows
+"""Arithmetic on the tables of a run: an object a metric, one table of results, figures. It knows
 nothing of the simulator.
 """

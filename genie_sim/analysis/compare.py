@@ -10,6 +10,7 @@ out, so that the numbers of a row agree.
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -22,10 +23,13 @@ from genie_sim.analysis.seed_runs import means_of, seeds_text
 from genie_sim.analysis.statistics import around, mean_and_spread
 from genie_sim.analysis.tidy import is_negligible
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.plugins import code_digest, is_own
 from genie_sim.record import provenance
 from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 
 Value = TypeVar("Value")
+Seeds = Mapping[int, Run]  # the runs of one setting, by seed
+Cells = Mapping[str, Seeds]  # the settings of one result, by name: {"rate 0.1": {1: run, 2: run}}
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
@@ -44,7 +48,7 @@ class Arm:
     label: str
     title: str
     method: MethodInfo
-    runs: Mapping[int, Run]
+    runs: Seeds
     setting: str = ""
 
     @property
@@ -139,7 +143,7 @@ class Comparable(Protocol):
     """What can be compared: a run, several seeds, a sweep, an evaluation."""
 
     @property
-    def cells(self) -> Mapping[str, Mapping[int, Run]]:
+    def cells(self) -> Cells:
         """By its name each setting, as runs by seed; one that is all there is has no name."""
 
 
@@ -196,13 +200,13 @@ def compared(
     runs = [run for result in results for run in result.cells.get("", {}).values()]
     folder = next((run.folder for run in runs if run.folder is not None), None)
     with provenance.of_this_version(folder):
-        sides: list[Mapping[str, Mapping[int, Run]]] = [{"": by} for by in settings_of(runs)]
+        sides: list[Cells] = [{"": by} for by in settings_of(runs)]
         sides += [result.cells for result in results if "" not in result.cells]
         return _compare_sides(sides, methods, labels, metrics)
 
 
 def _compare_sides(
-    sides: Sequence[Mapping[str, Mapping[int, Run]]],
+    sides: Sequence[Cells],
     methods: Sequence[str],
     labels: Sequence[str],
     metrics: Sequence[str],
@@ -223,7 +227,7 @@ def _compare_sides(
 
 
 def _arms(
-    cells: Mapping[str, Mapping[str, Mapping[int, Run]]],
+    cells: Mapping[str, Mapping[str, Seeds]],
     names: Sequence[str],
     methods: Sequence[str],
 ) -> tuple[list[Arm], dict[str, Arm]]:
@@ -266,13 +270,13 @@ def _rows(
 
 
 def _common(
-    sides: Sequence[Mapping[str, Mapping[int, Run]]], names: Sequence[str]
-) -> tuple[dict[str, dict[str, dict[int, Run]]], str]:
+    sides: Sequence[Cells], names: Sequence[str]
+) -> tuple[dict[str, dict[str, Seeds]], str]:
     """By setting and by result the runs of those seeds that all results have, and a sentence that
     says so where others are left out. Raises ``UserError`` where they have none in common.
     """
     left_out: dict[str, None] = {}
-    cells: dict[str, dict[str, dict[int, Run]]] = {}
+    cells: dict[str, dict[str, Seeds]] = {}
     for cell in sides[0]:
         if not all(cell in side for side in sides):
             continue
@@ -356,8 +360,8 @@ def _decisive(run: Run) -> dict[str, Any]:
         for name, digest in run.facts["traces"].items()
         if is_recorded or name.startswith("link ")
     }
-    others = {name: run.facts.get(name) for name in ("laws", *OUTCOME)}
-    return {"scenario": scenario, "traces": traces, **others}
+    others = {name: run.facts[name] for name in OUTCOME}
+    return {"scenario": scenario, "traces": traces, "laws": run.facts.get("laws"), **others}
 
 
 def _alike(run: Run, other: Run) -> str:
@@ -458,8 +462,20 @@ def _samples(arm: Arm) -> dict[str, Sample]:
     run = _any(arm.runs)
     if len(arm.runs) > 1 or not run.tables:
         return {}
-    names = {metric.metric for metric in run.measured}
+    names = {metric.metric for metric in run.measured if _has_its_formula(run, metric.metric)}
     return samples(with_formulas(names), of_method(run.tables, arm.method.name))
+
+
+def _has_its_formula(run: Run, metric: str) -> bool:
+    """Whether a metric's formula is that of the run: one of the user's own may have changed since,
+    and its interval would be that of another number.
+    """
+    if not is_own(metric):
+        return True
+    with suppress(UserError):
+        digest: str | None = run.facts["plugins"].get(f"metric {metric}")
+        return code_digest("metric", metric) == digest
+    return False
 
 
 def _values(arm: Arm, metric: str) -> dict[int, tuple[float, int]]:
@@ -474,10 +490,14 @@ def _values(arm: Arm, metric: str) -> dict[int, tuple[float, int]]:
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
-    """What differs between settings, as ``_differing``: what the user set, else what was read."""
+    """What differs between settings, as ``_differing``: what the user set, else what was read. The
+    runs of a sweep's cell have no tables, and do not say what was read.
+    """
     names = "scenario", "devices", "genie_sim"
     differing = _differing([{name: run.facts[name] for name in names} for run in runs])
-    return differing or _differing(list(map(_decisive, runs)))
+    if differing or not all(run.tables for run in runs):
+        return differing
+    return _differing(list(map(_decisive, runs)))
 
 
 def _differing(of_runs: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:

@@ -60,10 +60,12 @@ def _laps(held: Columns, frames: Columns) -> Any:
     """In which lap its car is at each judged instant, from 0."""
     laps = np.zeros(len(held), dtype=int)
     for car, of_car in frames.groups("car"):
-        numbers, stamps_ns = of_car["lap"], of_car["stamp_ns"]
-        begins_ns = [stamps_ns[numbers == lap].min() for lap in np.unique(numbers)]
+        lap_of_frame, stamps_ns = of_car["lap"], of_car["stamp_ns"]
+        numbers = np.unique(lap_of_frame)  # a warm-up leaves out the first
+        begins_ns = [stamps_ns[lap_of_frame == number].min() for number in numbers]
         rows = held["car"] == car
-        laps[rows] = np.searchsorted(begins_ns, held["stamp_ns"][rows], side="right") - 1
+        places = np.searchsorted(begins_ns, held["stamp_ns"][rows], side="right") - 1
+        laps[rows] = numbers[places]
     return laps
 
 

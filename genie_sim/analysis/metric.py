@@ -203,12 +203,12 @@ class Metric:
         self, value: float | None, low: float | None, high: float | None
     ) -> tuple[float | None, float | None]:
         """The ends of an interval, within what is possible: no time, share or count is below zero,
-        no share above 1. What has no unit, or is below zero itself, has no bounds.
+        no share above 1. What has no unit, or is beyond a bound itself, is not cut there.
         """
         if value is None or low is None or high is None or value < 0 or self.is_signed:
             return low, high
         low = max(low, 0.0) if self.unit else low
-        return low, min(high, 1.0) if self.unit == "%" else high
+        return low, min(high, 1.0) if self.unit == "%" and value <= 1 else high
 
     @property
     def label(self) -> str:

@@ -177,8 +177,7 @@ def checked(names: Sequence[str], own: Iterable[str] = (), where: str = "metrics
 
 def unknown_metric(name: str, known: Iterable[str] = METRICS) -> str:
     """``unknown metric 'false objects' (did you mean 'ghost_share'?); see 'genie-sim list
-    metrics'``: the nearest by name or title. One that was removed is answered with what to write
-    instead.
+    metrics'``: the nearest by name or title.
     """
     found = near(name, known)
     hint = f" (did you mean {' or '.join(map(repr, found))}?)" if found else ""

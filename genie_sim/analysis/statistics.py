@@ -195,7 +195,7 @@ class Estimate(NamedTuple):
 
 
 def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = True) -> Estimate:
-    """The ratio of two sums over rows with its interval, Wilson's for a share.
+    """The ratio of two sums over rows with its interval, Wilson's for a share within 0 and 1.
 
     Parameters
     ----------
@@ -211,8 +211,9 @@ def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = 
         return Estimate(None)
     value, n = float(above.sum() / whole), round(whole)
     half = None if blocks is None else blocks.half_width(blocks.influence(above, below))
-    low, high = wilson(value, half, n) if is_share and half is not None else around(value, half)
-    return Estimate(value, low, high, n)
+    if half is None or not is_share or not 0 <= value <= 1:
+        return Estimate(value, *around(value, half), n)
+    return Estimate(value, *wilson(value, half, n), n)
 
 
 def rows_needed(percent: int) -> int:

@@ -48,7 +48,7 @@ RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {
     "legend.frameon": False,
     "legend.handlelength": 2.2,
     "legend.columnspacing": 1.0,
-    "figure.autolayout": False,  # figures lay themselves out: figures.py
+    "figure.autolayout": False,  # figures lay themselves out: drawing.py
     "figure.constrained_layout.use": False,
     "savefig.dpi": 200,
     "svg.fonttype": "none",  # text stays text

@@ -58,8 +58,11 @@ def import_tables(
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
     from genie_sim.data.importers import table_import, trace_import
+    from genie_sim.data.truth import MAX_RANGE_M
     from genie_sim.data.world_table import SOMEWHERE
 
+    if range_m > MAX_RANGE_M:
+        raise UserError(f"--range: must be at most {MAX_RANGE_M:g} m, but is {range_}")
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
     sensor = table_import.Sensor(fov_rad, size_bytes, range_m)

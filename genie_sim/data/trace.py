@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 SensorKind = Literal["camera", "lidar"]
 KINDS: tuple[SensorKind, ...] = get_args(SensorKind)
+METADATA = ("name", "sequence")  # of a trace's file, besides what all tell; see ``Trace``
 FEATURE = "feature_"  # how the columns of features begin; a trace need not have any
 # columns, and fields
 PLAIN = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash")
@@ -161,7 +162,7 @@ def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[
 
 def check_replaceable(path: Path) -> None:
     """Raises ``UserError`` where a trace may not be written: what is there is none."""
-    parquet.check_replaceable(path, (*world_table.FACTS, "name", "sequence"))
+    world_table.check_replaceable(path, METADATA)
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
@@ -183,16 +184,7 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         | {FEATURE + name: frame.features[name] for name in features}
         for frame in frames
     )
-    world_table.write(
-        Path(path),
-        schema,
-        rows,
-        origin=trace.origin,
-        digest=trace.digest,
-        provenance=trace.provenance,
-        name=trace.name,
-        **({} if trace.sequence is None else {"sequence": trace.sequence}),
-    )
+    world_table.write(Path(path), schema, rows, trace, METADATA)
 
 
 @remembered

@@ -10,11 +10,10 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from genie_sim.base import parquet
 from genie_sim.base.classes import CANONICAL, class_of
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, transform
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 SUFFIX = ".truth.parquet"
+METADATA = ("trace", "tolerance_m", "range_m")  # of a table's file, besides what all tell
 MAX_RANGE_M = 1000.0  # no sensor of a car sees farther
 
 
@@ -81,6 +81,7 @@ class TruthTable:
     rows: tuple[TruthRow, ...]
     provenance: Mapping[str, Any]
     range_m: float = RANGE_M
+    tolerance_m: ClassVar[float] = SAME_M
 
     @functools.cached_property
     def digest(self) -> str:
@@ -161,22 +162,37 @@ def _key(frame: Any) -> tuple[str, int]:
 
 def check_replaceable(path: Path) -> None:
     """Raises ``UserError`` where a table may not be written: what is there is none."""
-    parquet.check_replaceable(path, (*world_table.FACTS, "trace", "tolerance_m", "range_m"))
+    world_table.check_replaceable(path, METADATA)
+
+
+def check(path: object, table: TruthTable) -> None:
+    """Raises UserError, naming ``path``, for a table that no run can use: readers and writers ask
+    the same.
+    """
+    if not isinstance(table.provenance.get("trace"), str):
+        raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
+    for row in table.rows:
+        if not world_table.in_range(row.location):
+            raise UserError(
+                f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object} at "
+                f"{row.location} is at no place on Earth [m]"
+            )
+    check_range(f"{path}: metadata", table.range_m)
+
+
+def check_range(where: object, range_m: Any) -> None:
+    """Raises UserError, beginning with ``where``, for a range [m] that no sensor has."""
+    if not (world_table.in_range([range_m], MAX_RANGE_M) and range_m > 0):
+        raise UserError(f"{where}: range_m {range_m!r} is no length up to {MAX_RANGE_M:g} [m]")
 
 
 def write_truth(path: Path, table: TruthTable) -> None:
-    """Writes a table; the same one gives the same bytes with the same pyarrow."""
-    world_table.write(
-        path,
-        _schema(),
-        (row._asdict() for row in table.rows),
-        origin=table.origin,
-        digest=table.digest,
-        provenance=table.provenance,
-        trace=table.trace,
-        tolerance_m=SAME_M,
-        range_m=table.range_m,
-    )
+    """Writes a table; the same one gives the same bytes with the same pyarrow. Raises UserError for
+    one that ``read_truth_table`` would refuse.
+    """
+    check(path, table)
+    rows = (row._asdict() for row in table.rows)
+    world_table.write(path, _schema(), rows, table, METADATA)
 
 
 def path_beside(path: Path) -> Path:
@@ -205,21 +221,10 @@ def truth_beside(path: Path, trace: Trace) -> TruthTable | None:
 def read_truth_table(path: Path) -> TruthTable:
     """Reads a truth table and checks all of it. Raises UserError."""
     columns, about = world_table.read(path, "truth table", _schema(), "trace")
-    if not isinstance(about["provenance"].get("trace"), str):
-        raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
     rows = tuple(TruthRow(**row) for row in columns.to_pylist())
-    for row in rows:
-        if not world_table.in_range(row.location):
-            raise UserError(
-                f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object} at "
-                f"{row.location} is at no place on Earth [m]"
-            )
     range_m = about.get("range_m", RANGE_M)
-    if not (world_table.in_range([range_m], MAX_RANGE_M) and range_m > 0):
-        raise UserError(
-            f"{path}: metadata: range_m {range_m!r} is no length up to {MAX_RANGE_M:g} [m]"
-        )
     table = TruthTable(about["trace"], about["origin"], rows, about["provenance"], range_m)
+    check(path, table)
     world_table.check_digest(path, table.digest, about)
     return table
 

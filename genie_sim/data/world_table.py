@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 FORMAT_VERSION = 1
-FACTS = ("format_version", "origin", "digest", "provenance")  # of all files
+FACTS = ("origin", "digest", "provenance")  # of all files, besides the version
 MAX_ORIGIN = (90.0, 180.0, 1e5)
 # Of a plane that nobody placed on Earth: some place must be written down, no result depends on it.
 SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)
@@ -35,11 +35,8 @@ def write(
     path: Path,
     schema: "pyarrow.Schema",
     rows: Iterable[Mapping[str, Any]],
-    *,
-    origin: Geodetic,
-    digest: str,
-    provenance: Mapping[str, Any],
-    **more: str | float,
+    content: Any,
+    names: Sequence[str],
 ) -> None:
     """Writes a file, whole or not at all; the same content gives the same bytes with the same
     pyarrow. Raises UserError where the folder cannot be written.
@@ -49,13 +46,21 @@ def write(
     path : where to write
     schema : of the rows
     rows : values by column
-    origin : latitude [deg], longitude [deg], altitude [m]
-    digest : ``content_digest`` of what the rows say
-    provenance : where the rows come from
-    more : more metadata, by name
+    content : has as attributes its ``origin``, as latitude [deg], longitude [deg] and altitude [m],
+        its ``digest``, the ``content_digest`` of what the rows say, its ``provenance``, and those
+        of ``names``
+    names : of more metadata, each written where it is not ``None``
     """
-    about = {"origin": list(origin), "digest": digest, "provenance": provenance, **more}
+    values = {name: getattr(content, name) for name in (*FACTS, *names)}
+    about = {name: value for name, value in values.items() if value is not None}
     parquet.write(path, schema, rows, {"format_version": FORMAT_VERSION, **about})
+
+
+def check_replaceable(path: Path, names: Sequence[str]) -> None:
+    """Raises ``UserError`` for a file that is there and that ``write`` with these ``names`` did not
+    make.
+    """
+    parquet.check_replaceable(path, ("format_version", *FACTS, *names))
 
 
 def read(

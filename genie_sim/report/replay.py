@@ -111,10 +111,11 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
     begin_ns = min(max(start_ns, run.warm_up_ns), int(poses["stamp_ns"].max()))
     end_ns = _end_ns(run, begin_ns)
     if begin_ns > run.warm_up_ns or end_ns < last_ns:
+        is_too_large = _end_ns(run, run.warm_up_ns) < last_ns
+        why = ": the page would be too large otherwise" if is_too_large else ""
         notes.append(
             f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
-            f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s: "
-            "the page would be too large otherwise. "
+            f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s{why}. "
             "Everything else covers the whole run. Another stretch: "
             "genie-sim report DIR --start '60 s'"
         )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import genie_sim as gs
@@ -20,6 +22,7 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
 from genie_sim.report import comparison
 from genie_sim.report.output import Output
+from genie_sim.report.result import cells_of
 from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 
@@ -272,6 +275,37 @@ def test_runs_of_one_seed_whose_worlds_differ_are_not_called_the_same(usual: lis
     with pytest.raises(UserError, match=r"same setting and seed, in traces\.car1$"):
         compare([first, read_again(usual[0], **in_town)])
     assert len(compare([first, read_again(usual[1], **in_town)]).names) == 1
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A sweep, as far as it is compared."""
+
+    cells: Mapping[str, Mapping[int, Run]]
+
+
+def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
+    axes = pd.MultiIndex.from_product([[0.1, 0.5], [1, 2], ["remote", "genie"]])
+    table = axes.to_frame(index=False, name=["rate", "seed", "method"])
+    table = table.assign(metric="streaming_f1", placement="all", component="", n=100)
+    table["value"] = table["rate"] + np.where(table["method"] == "genie", 0.25, 0.0)
+    facts = {
+        "scenario": {"name": "s"},
+        "devices": {},
+        "genie_sim": "1",
+        "methods": [
+            {"name": name, "title": name, "baseline": False} for name in ("remote", "genie")
+        ],
+    }
+    like = Run("0" * 12, facts, "", {}, ())
+    sweep = Cells(cells_of(table, ["rate"], like))
+    gains = [one.difference for one in compare([sweep]).rows if one.against]
+    assert gains == pytest.approx([0.25, 0.25])
+    again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], like))
+    made = compare([sweep, again], labels=["a", "b"])
+    rows = {one.arm: one.difference for one in made.rows if one.against}
+    assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4
+    assert not made.settings
 
 
 def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):

@@ -14,10 +14,12 @@ from genie_sim.scenario.reading import load_scenario
 S = 1_000_000_000
 
 
-def published(car: str, first_s: float, laps: int, length_s: int) -> pd.DataFrame:
+def published(
+    car: str, first_s: float, laps: int, length_s: int, first_lap: int = 0
+) -> pd.DataFrame:
     """A frame a second, no pause between laps."""
     stamps_ns = (np.arange(laps * length_s) * S + first_s * S).astype(np.int64)
-    laps_of_frames = np.repeat(np.arange(laps), length_s)
+    laps_of_frames = np.repeat(first_lap + np.arange(laps), length_s)
     return pd.DataFrame(
         {"method": "genie", "car": car, "stamp_ns": stamps_ns, "lap": laps_of_frames}
     )
@@ -61,6 +63,20 @@ def test_each_lap_is_judged_by_itself_and_each_car_has_its_own():
     assert laps_of(frames, judged) == {
         ("lap_f1", "lap 1"): 2 * (2 + 1 + 9) / (2 + 2 + 10 + 4 + 4 + 10),
         ("lap_f1", "lap 2"): 2 * (1 + 0) / (5 + 1 + 8 + 2),
+    }
+
+
+def test_a_warm_up_leaves_a_lap_its_number():
+    """Car 1 has frames of its second and third lap, car 2 of its first."""
+    frames = [published("car1", 20, 2, 4, first_lap=1), published("car2", 20, 1, 4)]
+    judged = [
+        held("car1", (20, 2, 2, 4), (24, 5, 1, 8)),
+        held("car2", (21, 10, 9, 10)),
+    ]
+    assert laps_of(frames, judged) == {
+        ("lap_f1", "lap 1"): 2 * 9 / (10 + 10),
+        ("lap_f1", "lap 2"): 2 * 2 / (2 + 4),
+        ("lap_f1", "lap 3"): 2 * 1 / (5 + 8),
     }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from genie_sim.analysis import compare_tables, registry, seed_runs, summary
-from genie_sim.analysis.compare import compare
+from genie_sim.analysis.compare import Difference, compare
 from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import own_code_allowed
 from genie_sim.base.settings import plain_data
@@ -27,7 +27,7 @@ from dataclasses import replace
 import numpy as np
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.metric import LOWER, Metric, mean_of, share_of
+from genie_sim.analysis.metric import LOWER, Metric, Sample, mean_of, share_of
 
 slow = Metric(
     "slow frames", "%", LOWER, meaning="Frames with a first answer after 100 ms.",
@@ -47,6 +47,9 @@ returns = replace(slow, formula=lambda frames: 0.5)
 infinite = replace(slow, formula=lambda frames: Estimate(math.inf))
 undefined = replace(slow, formula=lambda frames: Estimate(1, low=math.nan))
 huge = replace(slow, formula=lambda frames: Estimate(10**400))
+above_1 = replace(
+    slow, formula=lambda frames: Sample(frames, 2 + frames["frame"] % 3, np.ones(len(frames)))
+)
 of_numpy = replace(slow, formula=lambda frames: Estimate(np.float32(3), n=np.int64(2)))
 other = "text"
 """
@@ -78,6 +81,28 @@ def test_it_is_in_every_table_with_its_interval():
     assert "| slow frames [%] |" in summary.table(run, "markdown")
     row = next(one for one in compare([run]).rows if one.metric == "own_metric:slow")
     assert row.value == found["local"].value
+
+
+def test_its_ratio_may_be_above_1():
+    numbers = [one for one in ran("above_1").measured if one.metric == "own_metric:above_1"]
+    assert numbers and all(2 <= one.low < one.value < one.high <= 4 for one in numbers)
+
+
+def test_a_formula_that_was_changed_since_gives_no_interval(tmp_path: Path):
+    (tmp_path / "edited_metric.py").write_text(CODE)
+    settings = [WINDOW, "record=[]", "metrics=[edited_metric:slow]"]
+    scenario = load_scenario("street_1car_homo", settings)
+    folder = run_to_folder(scenario, tmp_path, output=Output(page=False)).folder
+    run = seed_runs.load_run(folder)
+
+    def paired() -> list[Difference]:
+        rows = compare([run], metrics=["edited_metric:slow"]).rows
+        return [row for row in rows if row.against]
+
+    before = paired()
+    assert before and all(row.low is not None for row in before)
+    (tmp_path / "edited_metric.py").write_text(CODE.replace('"first") > 100', '"first") > 50'))
+    assert paired() == [row._replace(low=None, high=None, by="", n=0) for row in before]
 
 
 def test_its_words_travel_with_the_results_and_its_code_does_not_run(

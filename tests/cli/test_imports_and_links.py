@@ -55,6 +55,7 @@ def test_every_option_of_tables_is_heard(asked: list[Any]):
         ("--fov", "0", "--fov: must be more than zero, but is 0"),
         ("--frame-size", "0 B", "--frame-size: must be more than zero, but is 0 B"),
         ("--range", "-1 m", "--range: must be more than zero, but is -1 m"),
+        ("--range", "2 km", "--range: must be at most 1000 m, but is 2 km"),
         ("--range", "far", "--range: "),
         ("--origin", "49,8", "--origin: '49,8': expected latitude"),
     ],

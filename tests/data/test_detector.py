@@ -74,6 +74,11 @@ def test_of_overlapping_boxes_of_one_class_the_best_stays():
     assert [(f.score, f.box[0]) for f in found] == [(0.8, 5), (0.4, 300)]
 
 
+def test_a_score_that_half_precision_puts_above_1_is_1():
+    (car,) = best_boxes(np.array([[0, 0, 9, 9.0]]), scores_of(("car", 1.004)), min_score=0.3)
+    assert car.score == 1.0
+
+
 def test_a_cyclist_does_not_suppress_the_bicycle():
     boxes = np.array([[0, 0, 100, 100], [0, 0, 100, 100]], float)
     found = best_boxes(boxes, scores_of(("person", 0.8), ("bicycle", 0.6)), min_score=0.3)

@@ -12,7 +12,8 @@ import pytest
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
 from genie_sim.data.detectors import onnx_session
-from genie_sim.data.detectors.detector import DETECTORS, DetectorSettings, Yolov8
+from genie_sim.data.detectors.detector import DETECTORS, DetectorSettings, Yolov8, Yolov10
+from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from tests.kitti_folder import make_network
 from tests.made_up_networks import (
     make_nanodet,
@@ -268,6 +269,14 @@ def test_a_network_that_cannot_be_used_is_one_line(what, tmp_path):
     assert "\n" not in str(error.value)
 
 
+def test_a_class_of_one_s_own_is_not_advised_by_its_name(tmp_path, monkeypatch):
+    """Only ``module:Class`` finds it."""
+    monkeypatch.setattr(OnnxDetector, "_kinds", [])
+    type("Mine", (Yolov10,), {"__module__": "mine", "name": "mine"})
+    with pytest.raises(UserError, match=r"is no yolov8 network: .*expected \(6, 2100\)$"):
+        DetectorSettings("yolov8", make_yolov10(tmp_path / "a.onnx")).opened()
+
+
 def test_what_a_later_picture_shows_of_a_network_is_told_too(tmp_path, monkeypatch):
     """Logits of a picture without objects may look like scores."""
     monkeypatch.setattr(Yolov8, "_check_outputs", lambda *_: None)
@@ -338,11 +347,33 @@ def test_tensors_elsewhere_are_refused(tmp_path, location):
         DetectorSettings("yolov8", path).opened()
 
 
-def test_a_network_of_half_precision_sees_the_same(tmp_path):
+def make_pooling_yolox(path: Path) -> Path:
+    """The made-up network with a pooling at two sizes, as at the end of a backbone."""
+    import onnx
+    from onnx import helper, numpy_helper
+
+    model = onnx.load(str(make_network(path)))
+    mean = numpy_helper.from_array(np.full((4, 6, 1, 1), 1 / 6, np.float32), "mean")
+    model.graph.initializer.append(mean)
+    for side in (3, 5):
+        sides = {"kernel_shape": [side, side], "pads": [side // 2] * 4}
+        model.graph.node.append(helper.make_node("MaxPool", ["images"], [f"p{side}"], **sides))
+    model.graph.node.append(helper.make_node("Concat", ["p3", "p5"], ["pools"], axis=1))
+    model.graph.node.append(helper.make_node("Conv", ["pools", "mean"], ["c"]))
+    model.graph.node.append(helper.make_node("Relu", ["c"], ["activation"]))
+    onnx.save(model, str(path))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "features"),
+    [("yolov8", make_yolov8, set()), ("yolox_nano", make_pooling_yolox, {"yolox_gap"})],
+)
+def test_a_network_of_half_precision_sees_the_same(tmp_path, name, make, features):
     import onnx
     from onnx import TensorProto, numpy_helper
 
-    whole = make_yolov8(tmp_path / "yolov8.onnx")
+    whole, size = make(tmp_path / "whole.onnx"), None if name == "yolov8" else (416, 416)
     model = onnx.load(str(whole))
     for tensor in model.graph.initializer:
         if tensor.data_type == TensorProto.FLOAT:
@@ -351,8 +382,10 @@ def test_a_network_of_half_precision_sees_the_same(tmp_path):
     for value in (*model.graph.input, *model.graph.output):
         value.type.tensor_type.elem_type = TensorProto.FLOAT16
     onnx.save(model, str(tmp_path / "half.onnx"))
-    (car,) = DetectorSettings("yolov8", tmp_path / "half.onnx").opened().detect(white_cell())
-    (same,) = DetectorSettings("yolov8", whole).opened().detect(white_cell())
+    half = DetectorSettings(name, tmp_path / "half.onnx", size).opened()
+    (car,), told = half.look(white_cell())
+    (same,) = DetectorSettings(name, whole, size).opened().detect(white_cell())
+    assert {*told} == features
     assert car.label == same.label and car.score == pytest.approx(same.score, abs=0.01)
     assert car.box == pytest.approx(same.box, abs=1)
 

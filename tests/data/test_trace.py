@@ -16,7 +16,8 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.trace import read_trace, sequence_of, write_trace
+from genie_sim.data import trace as trace_file
+from genie_sim.data.trace import Trace, read_trace, sequence_of, write_trace
 from tests.make import KARLSRUHE, trace, trace_frame
 
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parquet"
@@ -249,6 +250,15 @@ def test_an_unwritable_place_is_a_user_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="cannot be written"):
         write_trace(tmp_path / "file" / "drive.parquet", trace())
+
+
+@pytest.mark.parametrize("metadata", [(), ("maker",)])
+def test_a_trace_takes_the_place_of_its_own_earlier_file(path, monkeypatch, metadata):
+    """Also when one day its file tells more: what is written is what is asked for."""
+    monkeypatch.setattr(trace_file, "METADATA", (*trace_file.METADATA, *metadata))
+    monkeypatch.setattr(Trace, "maker", "me", raising=False)
+    write_trace(path, trace())
+    trace_file.check_replaceable(path)
 
 
 def test_the_shipped_trace_is_the_whole_drive():

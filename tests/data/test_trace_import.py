@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,6 +102,22 @@ def test_a_file_of_somebody_else_is_found_before_anything_is_written(tmp_path: P
 def test_truth_that_cannot_be_is_refused_of_every_reader(label: str, ahead_m: float, told: str):
     with pytest.raises(UserError, match=told):
         car_with((0.0, label, ahead_m), (1.0, label, ahead_m), report=ImportReport("x"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"truth": {"car1": []}}, "truth: has the objects of car1 in 0 frames, but there are 2"),
+        ({"range_m": 2000.0}, "range_m 2000.0 is no length up to 1000"),
+        ({"range_m": 0}, "range_m 0 is no length up to 1000"),
+    ],
+)
+def test_truth_that_no_run_can_use_is_refused_of_every_reader(changes: dict[str, Any], told: str):
+    there = (0.0, "car", 8.0), (1.0, "car", 8.0)
+    (camera,) = car_with(*there, report=ImportReport("x")).trace.frames.values()
+    asked = {"truth": {"car1": [[], []]}, "origin": (0.0, 0.0, 0.0), "provenance": {}, **changes}
+    with pytest.raises(UserError, match=f"x: .*{told}"):
+        traces({"car1": camera}, report=ImportReport("x"), **asked)
 
 
 def test_labels_that_are_no_classes_are_told_and_refused_where_most_are(monkeypatch):

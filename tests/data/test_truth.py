@@ -71,9 +71,13 @@ def test_a_table_with_other_metadata_is_refused(trace, tmp_path, changes, place)
         ({"up_m": float("inf")}, "camera '02', frame 0: object 7 "),
     ],
 )
-def test_an_impossible_row_is_refused_even_with_a_right_digest(trace, tmp_path, changes, place):
+def test_an_impossible_row_is_refused_even_with_a_right_digest(
+    trace, tmp_path, monkeypatch, changes, place
+):
     path = tmp_path / "a.truth.parquet"
-    write_truth(path, made_up(trace, **changes))
+    with monkeypatch.context() as unchecked:
+        unchecked.setattr("genie_sim.data.truth.check", lambda *_: None)
+        write_truth(path, made_up(trace, **changes))
     with pytest.raises(UserError, match=place):
         read_truth_table(path)
 
@@ -127,6 +131,22 @@ def test_an_impossible_ruler_is_refused(trace, tmp_path, changes):
     (name,) = changes
     with pytest.raises(UserError, match=f"metadata: {name} .* is no length up to 1000"):
         read_truth_table(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "place"),
+    [
+        ({"range_m": 2000.0}, "range_m 2000.0 is no length"),
+        ({"range_m": 0.0}, "range_m 0.0 is no length"),
+        ({"provenance": {"drive": "x"}}, "provenance: 'trace'"),
+        ({"rows": (TruthRow("02", 0, 0, 7, "car", True, True, 1e9, 0.0, 0.0),)}, "frame 0: object"),
+    ],
+)
+def test_what_no_run_reads_is_not_written(trace, tmp_path, changes, place):
+    path = tmp_path / "a.truth.parquet"
+    with pytest.raises(UserError, match=f"^{path}: .*{place}"):
+        write_truth(path, replace(made_up(trace), **changes))
+    assert not path.exists()
 
 
 def test_the_second_street_is_shipped_whole():

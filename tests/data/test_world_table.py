@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pyarrow as pa
@@ -26,9 +27,11 @@ ABOUT = {
 def test_what_is_written_is_read():
     path = Path("new/table.parquet")
     origin, about = (49.0, 8.0, 112.0), {"drive": "x"}
-    world_table.write(
-        path, SCHEMA, ROWS, origin=origin, digest="abc", provenance=about, trace="def"
-    )
+    content = SimpleNamespace(origin=origin, digest="abc", provenance=about, trace="def", more=None)
+    world_table.write(path, SCHEMA, ROWS, content, ["trace", "more"])
+    world_table.check_replaceable(path, ["trace", "more"])
+    with pytest.raises(UserError, match=r"new/table.parquet: is there already"):
+        world_table.check_replaceable(path, ["name", "more"])
     table, told = world_table.read(path, "truth table", SCHEMA, "trace")
     assert table.to_pylist() == ROWS and told["origin"] == origin
     assert told["provenance"] == about and told["trace"] == "def"

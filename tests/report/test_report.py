@@ -223,6 +223,14 @@ def test_the_last_frame_is_shown_where_nothing_happens_after_it(run):
     assert replay.replay_data(quiet, 1000 * NS, notes)["streams"], "a start beyond the end"
 
 
+def test_a_later_start_of_a_run_that_fits_is_not_called_too_large(run, monkeypatch):
+    notes: list[str] = []
+    replay.replay_data(run, NS, notes)
+    monkeypatch.setattr(replay, "MAX_ROWS", 1500)
+    replay.replay_data(run, NS, notes)
+    assert ["too large" in note for note in notes] == [False, True]
+
+
 def without_poses(run: gs.Run) -> gs.Run:
     return replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])})
 

@@ -1,7 +1,7 @@
 """Object detectors by name: a picture in, labelled boxes out.
 
-To add a network, write a class like these and name it ``package.module:Class``, or put it into
-``DETECTORS``.
+To add a network, write a class like these and name it ``package.module:Class``; to ship it, add a
+line to ``_KINDS``, of which ``DETECTORS`` is made.
 """
 
 import importlib.metadata

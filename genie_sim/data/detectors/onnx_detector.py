@@ -309,8 +309,9 @@ class OnnxDetector(ABC):
 
     def _other_kind(self, shapes: Sequence[tuple[int, ...]]) -> str:
         """Which other detector has outputs of such shapes."""
+        shipped = __name__.rpartition(".")[0]  # any other is found as ``module:Class`` alone
         for kind in self._kinds:
-            if kind.__abstractmethods__:
+            if kind.__abstractmethods__ or not kind.__module__.startswith(f"{shipped}."):
                 continue
             # of a network that has what this kind needs
             with suppress(AttributeError):
@@ -338,7 +339,7 @@ def add_last_activation(graph: Any) -> bool:
     (in YOLOX, spatial pyramid pooling at the end of the backbone). Whether there is one; it is
     found by the structure, not by a name.
     """
-    from onnx import TensorProto, helper
+    from onnx import ValueInfoProto
 
     pooled = [node.output[0] for node in graph.node if node.op_type == "MaxPool"]
     ends = [
@@ -356,9 +357,8 @@ def add_last_activation(graph: Any) -> bool:
             if {*node.input} & {*conv[:1]} and node.op_type != "Sigmoid"
         ]
         if after:
-            graph.output.append(
-                helper.make_tensor_value_info(after[0], TensorProto.FLOAT, [None] * 4)
-            )
+            # without its type, which follows from the network: float or float16
+            graph.output.append(ValueInfoProto(name=after[0]))
             return True
     return False
 
@@ -401,8 +401,9 @@ def best_boxes(
     """
     if not len(scores):
         return []
-    # As in a trace, so that an object at the threshold is in or out whatever the last bits are.
-    best = scores.max(axis=1).round(SCORE_DECIMALS)
+    # As in a trace, so that an object at the threshold is in or out whatever the last bits are, and
+    # what half precision puts above 1 (``SCORE_SLACK``) is a score.
+    best = np.minimum(scores.max(axis=1).round(SCORE_DECIMALS), 1.0)
     likely = np.flatnonzero((best >= min_score) & np.isfinite(boxes).all(axis=1))
     labels = [classes[number] for number in scores[likely].argmax(axis=1)]
     if unused is not None:

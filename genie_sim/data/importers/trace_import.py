@@ -218,13 +218,14 @@ def traces(
 
     Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
+    truth_file.check_range(report.path, range_m)
     if first_ns is None:
         first_ns = min(
             (frame.stamp_ns for of_car in frames.values() for frame in of_car), default=0
         )
     by_car, objects = {}, {}
     for car, of_car in frames.items():
-        of_frames = truth.get(car) or [()] * len(of_car)
+        of_frames = truth[car] if car in truth else [()] * len(of_car)
         if len(of_frames) != len(of_car):
             counts = f"{len(of_frames):,} frames, but there are {len(of_car):,}"
             raise UserError(f"{report.path}: truth: has the objects of {car} in {counts}")

@@ -12,6 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from genie_sim.worlds.town.rules import TownRules
 
+MAX_DRAWS = 10_000  # of a first destination: who gets the same each time gets no other
+
 Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south
 
 
@@ -83,12 +85,12 @@ class Commuting:
         draws = random.random(3).tolist()
         node = (int(draws[0] * (self._east + 1)), int(draws[1] * (self._north + 1)))
         destination = self.destination(draws[2])
-        while destination == node:
-            destination = (
-                self.destination(float(random.random()))
-                if len(self._destinations) > 1
-                else self._other(node)
-            )
+        for _ in range(MAX_DRAWS if len(self._destinations) > 1 else 0):
+            if destination != node:
+                break
+            destination = self.destination(float(random.random()))
+        if destination == node:
+            destination = self._other(node)
         way, before = [node], None
         while node != destination:
             before, node = node, self.after(before, node, destination)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -145,6 +146,18 @@ def test_commuters_overlap_more_than_uniform_travellers():
     uniform = _overlap(TownRules(popularity=0.0, destinations=81, main_every=1))
     print(f"shared sections: commuters {commuting:.4f}, uniform {uniform:.4f}")
     assert commuting > 1.3 * uniform
+
+
+def test_a_car_that_starts_at_the_one_popular_place_drives_elsewhere():
+    """At 60 the share of the first destination is 1.0: no other is ever drawn."""
+    random = np.random.default_rng(5)
+    commuting = Commuting(TownRules(blocks=(1, 1), popularity=60.0), random)
+    i, j = commuting.destination(0.0)
+    first = np.array([(i + 0.5) / 2, (j + 0.5) / 2, 0.0])
+    rest = itertools.repeat(0.5, 100_000)
+    draws = SimpleNamespace(random=lambda count=None: first if count else next(rest))
+    way = list(itertools.islice(commuting.trip(draws), 5))
+    assert len({*way}) > 1 and all(math.dist(a, b) == 1 for a, b in itertools.pairwise(way))
 
 
 LABELS = ("car", "truck", "bus", "person", "bicycle", "bench", "traffic light", "elephant")
