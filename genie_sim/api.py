@@ -372,11 +372,13 @@ def load_scenario(
     more: Any = {"methods": methods, "settings_from": ""}
     if isinstance(source, str | Path):
         return reading.load_scenario(source, overrides, seed, **more)
-    if isinstance(source, Scenario):
-        data, more["profiles"] = plain_data(source), source.profiles
-    else:
-        data = plain(source, "scenario")
-    return reading.read_scenario({"name": "scenario", **data}, overrides, seed, **more)
+    if not isinstance(source, Scenario):
+        data = {"name": "scenario", **plain(source, "scenario")}
+        return reading.read_scenario(data, overrides, seed, **more)
+    more["profiles"] = source.profiles
+    scenario = reading.read_scenario(plain_data(source), overrides, seed, **more)
+    is_same = not (overrides or seed is not None or methods)
+    return replace(scenario, read_from=source.read_from) if is_same else scenario
 
 
 def _overrides(settings: Settings) -> Sequence[str]:

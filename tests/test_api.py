@@ -22,6 +22,7 @@ from genie_sim.analysis.style import RUN_FIGURES, SEEDS
 from genie_sim.base.settings import plain_data
 from genie_sim.cli.main import main
 from genie_sim.methods.local import Local
+from genie_sim.scenario import reading
 from genie_sim.scenario.scenario import as_yaml
 from tests.checkout import REPOSITORY
 
@@ -254,6 +255,13 @@ def test_a_scenario_may_be_a_mapping_a_file_or_another_scenario(run):
     assert slower.cars[0].link != as_mapping.cars[0].link
     assert slower.genie.capacity.entries == 3
     assert gs.load_scenario(as_mapping, ["genie.eviction=lru"]).genie.eviction == "lru"
+
+
+def test_a_scenario_keeps_what_its_mistakes_are_blamed_on():
+    scenario = reading.load_scenario("street_1car_homo", ["cars[0].link=wifi"])
+    error = gs.load_scenario(scenario).error_at("cars[0].link", "too slow")
+    assert str(error) == str(scenario.error_at("cars[0].link", "too slow"))
+    assert str(error).startswith("--set cars[0].link=wifi: ")
 
 
 def test_a_scenario_that_a_program_changed_is_checked():
