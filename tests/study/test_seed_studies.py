@@ -223,4 +223,6 @@ def test_figures_and_table_of_two_results_compare_them(folder, tmp_path, capsys)
         assert main(["table", *folders, "--format", "latex"]) == 0
         assert notes in capsys.readouterr().out
     assert main(["figures", one, one]) == 1
+    assert "--out" in capsys.readouterr().err
+    assert main(["figures", one, one, "--out", str(tmp_path / "same")]) == 1
     assert "given twice" in capsys.readouterr().err
