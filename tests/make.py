@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -222,7 +222,7 @@ def build(
     if sent is not None:
         encoded = {setting.image_encoding: sent}
         recordings._recordings[None] = Recording(recordings.main, None, None, encoded)
-    prepared = prepare(setting, None, devices, recordings)
+    prepared = prepare(replace(setting, profiles=devices or setting.profiles), frames=recordings)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else new_tables()
     return World(construction.setup(prepared, entry), entry.new(), Log(method, tables)), tables

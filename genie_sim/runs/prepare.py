@@ -61,14 +61,12 @@ class Prepared:
 def prepare(
     scenario: Scenario,
     progress: Progress | None = None,
-    devices: Mapping[str, DeviceProfile] | None = None,
     frames: Drives | None = None,
 ) -> Prepared:
     """Asks the scenario, then opens its frame source and gives every car its drive, all in one
     world, and looks whether these fit to it.
 
-    ``devices`` replace the profiles that the scenario read; ``frames`` are those of a source that
-    is open. Raises ``UserError``.
+    ``frames`` are those of a source that is open. Raises ``UserError``.
     """
     with own_classes.own_code_named(scenario):
         checks.check_own_plugins(scenario)
@@ -105,9 +103,8 @@ def prepare(
         origin = own_classes.origin_of(frames, scenario.perception.name)
         laws = detector_laws.laws_of(*detector_laws.looked_at(origin.provenance))
         encoded = _encoded_drives(full, frames)
-        profiles = scenario.profiles if devices is None else devices
         names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
-        used = {name: profiles[name] for name in dict.fromkeys(names)}
+        used = {name: scenario.profiles[name] for name in dict.fromkeys(names)}
         known = facts(
             scenario, methods, devices=used, frames=frames, encoded=encoded, origin=origin
         )

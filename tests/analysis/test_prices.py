@@ -59,7 +59,9 @@ def run(methods: list[Any], cars: int = 1, of: Any = None, **settings: Any) -> R
         start_jitter="0 s",
         **settings,
     )
-    prepared = prepare(setting, None, of or devices(), RecordedDrives(street(seconds=2.0)))
+    prepared = prepare(
+        replace(setting, profiles=of or devices()), frames=RecordedDrives(street(seconds=2.0))
+    )
     return finished(prepared, "test", simulate(prepared))
 
 

@@ -4,6 +4,8 @@ map.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
@@ -62,7 +64,7 @@ def test_objects_stay_where_they_were_first_seen(tables):
 def test_what_a_map_forgets_has_a_last_row_without_confidence():
     devices = dict.fromkeys(("jetson_tx2", "agx_xavier"), load_profile("jetson_tx2"))
     setting = scenario(genie={"object_map": {"forget_after": "500 ms"}})
-    tables = simulate(prepare(setting, None, devices, RecordedDrives(street())))
+    tables = simulate(prepare(replace(setting, profiles=devices), frames=RecordedDrives(street())))
     objects, lookups = tables["objects"].to_frame(), tables["lookups"].to_frame()
     sightings = lookups[lookups["kind"] == "sighting"]
     assert objects["confidence"].isna().any()
