@@ -207,8 +207,8 @@ def packed(value: Any) -> str:
 
 def _palette() -> str:
     """The colours of parts of the time as classes ``part-0`` and so on."""
-    looks = [look for _, look in style.PARTS.values()]
-    return "".join(f".part-{i}{{fill:{look['facecolor']}}}\n" for i, look in enumerate(looks))
+    colours = [colour for _, colour in style.PARTS.values()]
+    return "".join(f".part-{i}{{fill:{colour}}}\n" for i, colour in enumerate(colours))
 
 
 def _source(text: str) -> str:
