@@ -5,7 +5,6 @@ To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SO
 scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -153,9 +152,9 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
     about = _perceived(trace)
     if not beside.is_file():
         way = "nor pictures to make it of"
-        if {"input_size", "min_score", "cameras"} <= about["parameters"].keys() and about["drive"]:
-            words = [*_command(trace.provenance), "--encoding", encoding, "--out", str(beside)]
-            way = f"'{shlex.join(words)}' makes it"
+        if about["drive"]:
+            command = f"genie-sim perceive --drive {about['drive']} --encoding {encoding} --out "
+            way = f"'{command}{beside}', with the options that made {path.name}, makes it"
         raise UserError(
             f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {way}"
         )
@@ -175,28 +174,6 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
                 "make it again, or take it away"
             )
     return encoded.rebased(trace.origin)
-
-
-def _command(about: Mapping[str, Any]) -> list[str]:
-    """The command that perceives a drive as a trace's provenance tells; a detector of the user's
-    own is only known by its name there.
-    """
-    from genie_sim.data.detectors.detector import DETECTORS
-
-    parameters = about["parameters"]
-    options = {
-        "drive": about["drive"],
-        "detector": about["detector"] if about["detector"] in DETECTORS else "MODULE:CLASS",
-        "size": "x".join(map(str, parameters["input_size"])),
-        "min-score": str(parameters["min_score"]),
-        "cameras": ",".join(parameters["cameras"]),
-    }
-    if "threads" in parameters:
-        options["threads"] = str(parameters["threads"])
-    words = [word for name, value in options.items() for word in (f"--{name}", value)]
-    for label, kind in parameters.get("classes", {}).items():
-        words += ["--map", f"{label}={kind}"]
-    return ["genie-sim", "perceive", *words]
 
 
 def _perceived(trace: "Trace") -> dict[str, Any]:

@@ -14,9 +14,10 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.data.detectors import placement
-from genie_sim.data.detectors.detector import DetectorSettings, ImageDetector, detector_facts
-from genie_sim.data.detectors.onnx_detector import NMS_IOU
-from genie_sim.data.importers.trace_import import tell_network, traces
+from genie_sim.data.detectors.boxes import NMS_IOU
+from genie_sim.data.detectors.detector import DetectorSettings, detector_facts
+from genie_sim.data.detectors.image_detector import ImageDetector
+from genie_sim.data.intake import tell_network, traces
 from genie_sim.data.kitti.drive import (
     ATTRIBUTION,
     ATTRIBUTION_OF_ODOMETRY,

@@ -12,11 +12,11 @@ import cv2
 from genie_sim.base.geometry import Array
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
-from genie_sim.data.detectors.detector import ImageDetector, look
+from genie_sim.data.detectors.image_detector import ImageDetector, look
 from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.encoding import picture_of
-from genie_sim.data.importers.trace_import import picture_frame, placed
+from genie_sim.data.intake import picture_frame, placed
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
 from genie_sim.data.trace import TraceFrame
 

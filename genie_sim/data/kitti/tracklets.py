@@ -12,8 +12,8 @@ from genie_sim.base.geometry import Array, project, rotation_from_rpy, transform
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Box
 from genie_sim.data.kitti.drive import open_drive
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.number_files import are_plausible
-from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.trace import Trace
 
 BEHIND = 99  # KITTI's code of truncation for what is partly behind the image plane

@@ -13,7 +13,7 @@ from genie_sim.base.classes import CANONICAL
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.importers.trace_import import (
+from genie_sim.data.intake import (
     ImportedCar,
     new_detection,
     scan_frame,
