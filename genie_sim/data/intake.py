@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL, ROAD_LABELS, class_of
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.classes import ROAD_LABELS, class_of
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -41,7 +41,6 @@ from genie_sim.data.trace import (
     write_trace,
 )
 from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth
-from genie_sim.data.world_table import in_range
 
 if TYPE_CHECKING:
     from genie_sim.data.detectors.boxes import DetectedBox
@@ -69,11 +68,7 @@ def new_detection(
     box : left, top, right and bottom [pixels]; ``None`` where there is no picture
     location : of the object's centre in the world, (3,) [m]
     placed_by : what tells the place, such as ``scan``
-
-    Raises UserError for a score that is none.
     """
-    if not 0 <= score <= 1:
-        raise UserError(f"a {label} has the score {score:.3g}: scores must be from 0 to 1")
     rounded_score = round(float(score), SCORE_DECIMALS)
     return Detection(
         label,
@@ -219,7 +214,6 @@ def traces(
 
     Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
-    truth_file.check_range(report.path, range_m)
     if first_ns is None:
         first_ns = min(
             (frame.stamp_ns for of_car in frames.values() for frame in of_car), default=0
@@ -239,6 +233,7 @@ def traces(
         _check_ways(car, by_car[car], first_ns, report)
     _check_detections(by_car, report, range_m, detected_in)
     if truth:
+        truth_file.check_range(report.path, range_m)
         _check_truth([*chain(*objects.values())], report, range_m, truth_in)
     import_facts = {"import": report.facts()}
     imported = {}
@@ -442,13 +437,7 @@ def _check_truth(
     truth_in: Path | None,
 ) -> None:
     """Raises UserError for objects of no class, at no place, or none of them near a car."""
-    path = truth_in or report.path
-    for _, row in objects:
-        where = f"{path}: object {row.object} at {row.stamp_ns / NS_PER_S:g} s"
-        if row.label not in CANONICAL:
-            raise UserError(f"{where}: label: {unknown('class', row.label, CANONICAL)}")
-        if not in_range(row.location):
-            raise UserError(f"{where}: {row.location} is at no place on Earth [m]")
+    truth_file.check_rows(truth_in or report.path, [row for _, row in objects])
     if not any(row.visible for _, row in objects):
         report.warn("no object of the truth is ever visible")
     away_m = (math.dist(row.location[:2], frame.pose[:2]) for frame, row in objects)

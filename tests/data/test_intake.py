@@ -94,7 +94,7 @@ def test_a_file_of_somebody_else_is_found_before_anything_is_written(tmp_path: P
 @pytest.mark.parametrize(
     ("label", "ahead_m", "told"),
     [
-        ("bench", 8.0, "object 0 at 0 s: label: unknown class 'bench'"),
+        ("bench", 8.0, "frame 0: object 0: label: unknown class 'bench'"),
         ("car", float("inf"), "at no place on Earth"),
         ("car", 300.0, "no object is ever within 50 m of a car"),
     ],

@@ -322,32 +322,6 @@ def with_sizes(root, size):
     path.write_text(path.read_text() + "".join(lines))
 
 
-@pytest.mark.parametrize("halved", [range(3), range(1)])
-def test_smaller_pictures_see_the_same_places(tmp_path, street, halved):
-    """All at half the size, or only the first."""
-    root, weights = tmp_path / "small", street[1]
-    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    image[96:104, 320:328] = 255
-    across, up = np.meshgrid(np.arange(-2, 2, 0.1), np.arange(-2.0, 2, 0.1))
-    surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
-    folder = make_drive(root, image=image, scan=surface)
-    with_sizes(root, (WIDTH, HEIGHT))
-    whole = perceived(root, weights)
-    for index in halved:
-        for camera in ("02", "03"):
-            small = cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
-            cv2.imwrite(str(folder / f"image_{camera}/data/{index:010d}.png"), small)
-    report = ImportReport(root)
-    trace = perceived(root, weights, report=report)
-    for frame, same in zip(trace.frames["02"], whole.frames["02"], strict=True):
-        assert frame.horizontal_fov_rad == same.horizontal_fov_rad
-        (car,), (there,) = frame.detections, same.detections
-        assert car.location == pytest.approx(there.location, abs=0.05)
-    size = f"{WIDTH // 2}x{HEIGHT // 2}"
-    assert f"{len(halved)} pictures of 02 have {size} pixels" in report.warnings[0]
-    assert trace.provenance["import"]["warnings"] == report.warnings
-
-
 def test_pictures_that_were_cut_are_refused(tmp_path, street):
     make_drive(tmp_path / "cut")
     with_sizes(tmp_path / "cut", (1242, 500))

@@ -62,9 +62,9 @@ def trace_frames(
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
         picture, image = picture_of(image, data, encoding)
-        intrinsics = frame.intrinsics_of(picture.size)
+        frame.check_size(picture.size)
         camera_SE3_velo = drive.camera_SE3_velo(frame.camera)
-        placement = Placement(intrinsics, picture.size, camera_SE3_velo, scan, ground=ground)
+        placement = Placement(frame.intrinsics, picture.size, camera_SE3_velo, scan, ground=ground)
         boxes, features = look(image, detector)
         return picture_frame(
             camera=frame.camera,
@@ -72,7 +72,7 @@ def trace_frames(
             stamp_ns=frame.stamp_ns,
             picture=picture,
             world_SE3_camera=frame.world_SE3_camera,
-            intrinsics=intrinsics,
+            intrinsics=frame.intrinsics,
             detections=[placed(box, placement, frame.world_SE3_camera) for box in boxes],
             features=features,
         )

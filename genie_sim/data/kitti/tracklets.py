@@ -92,13 +92,14 @@ def labels_of_drive(
                     f"{root}: drive {name}: has no frame {frame.index} of camera {camera}"
                 )
             size = (frame.width, frame.height)
-            intrinsics = frames_by_index[frame.index].intrinsics_of(size)
+            picture = frames_by_index[frame.index]
+            picture.check_size(size)
             for track, item in enumerate(objects):
                 i = frame.index - item.first
                 if not 0 <= i < len(item.centres):
                     continue
                 corners = transform(camera_SE3_velo, item.corners(i))
-                box = _box_of(corners, intrinsics, size)
+                box = _box_of(corners, picture.intrinsics, size)
                 if box is None:
                     continue
                 centre = transform(drive.world_SE3_velo(frame.index), item.centres[i])
