@@ -70,39 +70,31 @@ class Recording:
 @dataclass
 class RecordedDrives(Drives):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
-    of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
-    if it has no file. Of two traces of one name the later has the beginning of its digest in it.
+    of a trace (``path`` is the main one's) there may be a truth table. Of two traces of one name the
+    later has the beginning of its digest in it.
     """
 
     main: "Trace"
     origin: Geodetic | None = None
     path: Path | None = None
-    truth: "TruthTable | None" = None
     _recordings: dict[str | None, Recording] = field(default_factory=dict)  # by the route's trace
     _of_cars: dict[str, Recording] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "Trace":
+        from genie_sim.data.trace import read_trace
+
         if trace not in self._recordings:
-            self._recordings[trace] = self._main() if trace is None else self._named(trace)
+            path = self.path if trace is None else files.find(files.TRACE, trace)
+            recorded = self.main if trace is None or path is None else read_trace(path)
+            self._recordings[trace] = self._placed(recorded, path)
         self._of_cars[car] = self._recordings[trace]
         return self._of_cars[car].trace
 
-    def _main(self) -> Recording:
+    def _placed(self, trace: "Trace", path: Path | None) -> Recording:
+        """Around the origin, with a name of its own, and the truth beside its file."""
         from genie_sim.data.truth import truth_beside
 
-        truth = self.truth if self.path is None else truth_beside(self.path, self.main)
-        return self._placed(self.main, self.path, truth)
-
-    def _named(self, name: str) -> Recording:
-        from genie_sim.data.trace import read_trace
-        from genie_sim.data.truth import truth_beside
-
-        path = files.find(files.TRACE, name)
-        trace = read_trace(path)
-        return self._placed(trace, path, truth_beside(path, trace))
-
-    def _placed(self, trace: "Trace", path: Path | None, truth: "TruthTable | None") -> Recording:
-        """Around the origin, with a name of its own."""
+        truth = None if path is None else truth_beside(path, trace)
         origin = self.main.origin if self.origin is None else self.origin
         trace = trace.rebased(origin)
         namesakes = (other for other in self._recordings.values() if other.trace.name == trace.name)
