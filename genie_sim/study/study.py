@@ -11,13 +11,13 @@ from functools import cached_property
 from pathlib import Path
 
 from genie_sim.analysis import registry, renderers
-from genie_sim.analysis.seed_runs import ABOUT, FORMAT, load_seeds, read_about
+from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import folders, provenance
-from genie_sim.report import html_page, template
+from genie_sim.report import pages, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
@@ -148,7 +148,7 @@ class Study:
             for run in runs.runs if output.page else ():
                 if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
-                        html_page.write(page, run)
+                        template.write(page, pages.of_run(run))
             output.make(runs, self.folder, attempt)
 
     @property
@@ -172,7 +172,7 @@ class Study:
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, self._parts.read(self.plan.runs.keys()))
         crossed = [self.design.columns[name] for name in self.design.crossed]
-        about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
+        about = json.dumps({"sweep": self._settings()}, sort_keys=True).encode()
         tables.write_parquet(runs, self.folder / "runs.parquet", about)
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (
@@ -218,7 +218,7 @@ class Study:
     def _write_about(self) -> None:
         table_names = [name for name in TABLES if (self.folder / name).is_file()]
         about = {
-            "format": FORMAT,
+            "format": provenance.RESULT_FORMAT,
             **({"label": self.label} if self.label else {}),
             "sweep": self._settings(),
             "points": self.design.runs // len(self.design.seeds),
