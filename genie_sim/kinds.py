@@ -189,7 +189,7 @@ def folder_of(result: Result) -> Path:
 # Where the kind of a folder is that has this file; that of seeds is a sweep's without axes.
 KINDS = {
     "verdicts.json": ("genie_sim.paper.reproduce", "Reproduction"),
-    seed_runs.ABOUT: ("genie_sim.study.sweep", "Sweep"),
+    seed_runs.SWEEP_FILE: ("genie_sim.study.sweep", "Sweep"),
 }
 
 

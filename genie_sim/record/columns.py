@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.base.errors import UserError, unknown
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -111,6 +113,8 @@ class Columns:
         return cls({str(name): _column(table[name]) for name in table})
 
     def __getitem__(self, name: str) -> Any:
+        if name not in self._columns:
+            raise UserError(unknown("column", name, self._columns))
         if self._rows is None:
             return self._columns[name]
         if name not in self._copies:

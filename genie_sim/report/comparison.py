@@ -50,7 +50,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     """
     from genie_sim.analysis.figures import save_all
 
-    if any((folder / about).exists() for about in ("run.json", seed_runs.ABOUT)):
+    if any((folder / about).exists() for about in ("run.json", seed_runs.SWEEP_FILE)):
         raise UserError(f"{folder}: a result is in that folder, with figures; say where else")
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from genie_sim.analysis import registry, renderers
-from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
+from genie_sim.analysis import metrics, registry, renderers
+from genie_sim.analysis.seed_runs import SWEEP_FILE, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
@@ -201,7 +201,7 @@ class Study:
     def _words(self) -> registry.Words:
         """What metrics of the user's own say of themselves."""
         own = [name for run in self.plan.runs.values() for name in run.scenario.metrics]
-        return registry.words_of_code(dict.fromkeys(own))
+        return metrics.words_of_code(dict.fromkeys(own))
 
     def _titles(self) -> dict[str, str]:
         """What pages call each method."""
@@ -230,7 +230,7 @@ class Study:
             "digests": provenance.digests(self.folder, table_names),
             **provenance.environment(),
         }
-        with atomic_write(self.folder / ABOUT) as beside:
+        with atomic_write(self.folder / SWEEP_FILE) as beside:
             provenance.write_json(beside, about, sort_keys=False)  # axes keep their order
 
 
@@ -242,7 +242,7 @@ def check_folder(folder: Path) -> None:
         if folder.is_dir() and any(folder.iterdir()):
             read_about(folder)
     except (OSError, UserError) as error:
-        is_sweep = (folder / ABOUT).is_file()
+        is_sweep = (folder / SWEEP_FILE).is_file()
         problem = str(error) if is_sweep else f"{folder}: holds something else than a sweep"
     if problem:
         raise UserError(f"{problem}; choose another --out")
@@ -253,7 +253,7 @@ def folder_of(folder: Path, planned: Plan) -> Path:
     grows. Another one has a folder of its own beside it, so that nothing is overwritten. Raises
     ``UserError``.
     """
-    if not (folder / ABOUT).exists():
+    if not (folder / SWEEP_FILE).exists():
         return folder
     about = read_about(folder)
     if not about.get("digests") or {*about["run_ids"]} <= planned.runs.keys():

@@ -18,7 +18,7 @@ from genie_sim.analysis.registry import (
     shown,
 )
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.analysis.seed_runs import ABOUT, read_about
+from genie_sim.analysis.seed_runs import SWEEP_FILE, read_about
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base import parquet
 from genie_sim.base.errors import Suggesting, UserError, unknown
@@ -97,7 +97,7 @@ class Sweep(Suggesting, Result):
     def read(cls, folder: Path) -> "Sweep":
         """See ``Result``."""
         with provenance.of_this_version(folder):
-            about, path = read_about(folder), folder / ABOUT
+            about, path = read_about(folder), folder / SWEEP_FILE
             runs, points = (_table(provenance.contained(folder, name)) for name in READ)
             own = checked_words(about.get("metrics", {}), f"{path}: metrics")
             about = {**about, "metrics": own}
@@ -288,7 +288,7 @@ class Sweep(Suggesting, Result):
             raise UserError("rerun: the result has no folder")
         with provenance.of_this_version(self.folder):
             methods = self.about["methods"]
-        planned = plan(self.design, str(self.folder / ABOUT), methods=methods)
+        planned = plan(self.design, str(self.folder / SWEEP_FILE), methods=methods)
         parts = Parts(self.folder)
         if unknown_runs := planned.runs.keys() - parts.done(planned.runs):
             place = planned.runs[min(unknown_runs)].place

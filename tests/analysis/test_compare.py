@@ -48,9 +48,7 @@ def slower() -> list[Run]:
 
 def row(rows: list[Difference], metric: str, arm: str) -> Difference:
     (found,) = (
-        one
-        for one in rows
-        if (one.metric, one.arm.rpartition(": ")[2]) == (metric, arm) and one.against
+        one for one in rows if (one.metric, one.arm.method.name) == (metric, arm) and one.against
     )
     return found
 
@@ -71,14 +69,14 @@ def test_its_numbers_are_those_of_the_run(usual: list[Run]):
         one.metric for one in made.rows
     }
     for one in made.rows:
-        assert one.value == pytest.approx(measured(usual[0], one.metric, one.arm))
+        assert one.value == pytest.approx(measured(usual[0], one.metric, one.arm.label))
 
 
 def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Run]):
     made = compare(usual[:1], ["remote", "genie"])
     assert [arm.label for arm in made.arms] == ["remote", "genie"] and not made.settings
     found = row(list(made.rows), "first_answer_mean", "genie")
-    assert (found.by, found.against, found.n) == (BLOCKS, "remote", 4), (
+    assert (found.by, found.against, found.n) == (BLOCKS, made.arms[0], 4), (
         "three seconds, begun within one"
     )
     gap = measured(usual[0], "first_answer_mean", "genie") - measured(
@@ -148,7 +146,7 @@ def test_each_method_is_compared_with_itself_under_the_first_setting(
     usual: list[Run], slower: list[Run]
 ):
     made = compare([usual[0], slower[0]], ["remote", "genie"])
-    pairs = {(one.arm, one.against) for one in made.rows if one.against}
+    pairs = {(one.arm.label, one.against.label) for one in made.rows if one.against}
     first, second = made.names
     assert pairs == {(f"{second}: {name}", f"{first}: {name}") for name in ("remote", "genie")}
     titles = [arm.title for arm in made.arms]
@@ -173,7 +171,7 @@ def test_settings_are_called_by_what_differs_where_that_is_short(
     theirs = next(one for one in made.rows if one.metric == "first_answer_mean" and not one.against)
     assert mean[:3] == [
         f"{gap.value:.3g}",
-        theirs.arm.replace("remote", "remote (R)"),
+        theirs.arm.title,
         f"{theirs.value:.3g}",
     ]
     assert mean[3].startswith(f"{gap.difference:+.3g} (")
@@ -296,7 +294,7 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     assert gains == pytest.approx([0.25, 0.25])
     again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     made = compare([sweep, again], labels=["a", "b"])
-    rows = {one.arm: one.difference for one in made.rows if one.against}
+    rows = {one.arm.label: one.difference for one in made.rows if one.against}
     assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4
     assert not made.settings
 
@@ -307,9 +305,9 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     pairs = [one for one in rows if one["against"]]
     values = {(one["metric"], one["method"]): one["value"] for one in rows if not one["against"]}
     for one in made.rows:
-        assert float(values[one.metric, one.arm]) == pytest.approx(one.value, rel=1e-9)
+        assert float(values[one.metric, one.arm.label]) == pytest.approx(one.value, rel=1e-9)
     assert [(one["metric"], one["method"], one["against"], one["verdict"]) for one in pairs] == [
-        (one.metric, one.arm, one.against, one.verdict)
+        (one.metric, one.arm.label, one.against.label, one.verdict)
         for one in made.rows
         if one.difference is not None
     ]
