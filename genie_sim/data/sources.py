@@ -70,8 +70,8 @@ class Recording:
 @dataclass
 class RecordedDrives(Drives):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
-    of a trace (``path`` is the main one's) there may be a truth table. Of two traces of one name the
-    later has the beginning of its digest in it.
+    of a trace (``path`` is the main one's) there may be a truth table. Of two traces of one name
+    the later has the beginning of its digest in it.
     """
 
     main: "Trace"
