@@ -63,8 +63,9 @@ class Scene:
 
     digest: str
 
-    def __init__(self, seed: int) -> None:
-        self.seed = seed
+    def __init__(self, seed: int, view_m: float) -> None:
+        """``view_m`` is the largest distance at which a camera's detector finds anything."""
+        self.seed, self.view_m = seed, view_m
         self.key = named_key(self.random_name, seed)
         self.laws: FittedLaws = synthetic_laws()
 
@@ -85,7 +86,7 @@ class Scene:
     @functools.cached_property
     def detector(self) -> SyntheticDetector:
         """The detector of every camera."""
-        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid)
+        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid, view_m=self.view_m)
 
     def knows(self, label: str) -> bool:
         """Whether objects with a label would be among ``objects`` if they were there."""

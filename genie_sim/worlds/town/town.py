@@ -42,7 +42,7 @@ class Town(Scene):
     def __init__(self, rules: TownRules, seed: int) -> None:
         if seed < 0:
             raise UserError(f"town: seed: {seed} is negative")
-        super().__init__(seed)
+        super().__init__(seed, rules.view_m)
         self.rules = rules
         text = json.dumps(
             [f"{self.random_name} 1", asdict(rules), seed, self.laws.digest], sort_keys=True

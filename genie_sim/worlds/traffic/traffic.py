@@ -50,7 +50,7 @@ class Traffic(Scene):
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
     ) -> None:
-        super().__init__(seed)
+        super().__init__(seed, settings.view_m)
         self.settings, self.path, self.report = settings, path, rows.report
         begin_s = rows.times_s.item(0)
         if settings.begin_ns is not None:
@@ -60,7 +60,7 @@ class Traffic(Scene):
         self._content = _content(rows)
         types = sorted(self.vehicles.types_by_name.items())
         self._types = {name: asdict(kind) for name, kind in types}
-        decisive = [self._content, begin_s, settings.view_m, self._types, seed, self.laws.digest]
+        decisive = [self._content, begin_s, self.view_m, self._types, seed, self.laws.digest]
         self.digest = hashlib.sha256(json.dumps(decisive).encode()).hexdigest()
 
     @functools.cached_property
@@ -77,7 +77,7 @@ class Traffic(Scene):
 
     @functools.cached_property
     def visibility(self) -> TrafficView:
-        return TrafficView(self.vehicles, self.objects, self.settings.view_m)
+        return TrafficView(self.vehicles, self.objects, self.view_m)
 
     def warn(self) -> None:
         """Logs what was not read as it stands in the file."""

@@ -192,6 +192,10 @@ def test_fleeting_ghosts_are_anywhere_in_view(laws):
     assert np.max(np.abs(bearings_rad)) <= HORIZONTAL_FOV_RAD / 2 + 1e-3
     expected_m = [quantile(law.range_m, share) for share in (np.arange(4000) + 0.5) / 4000]
     assert validation.distance(np.hypot(*away_m.T), expected_m) < 0.04
+    near = SyntheticDetector(nothing, laws, view_m=20.0)
+    assert [
+        ghost for key in range(10_000) for ghost in near.fleeting(mix(key), pose, cos=cos, sin=sin)
+    ] == [ghost for ghost in ghosts if math.dist(ghost.location[:2], pose[:2]) <= 20.0]
 
 
 def test_other_laws_have_another_digest():
