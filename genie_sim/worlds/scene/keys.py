@@ -45,11 +45,8 @@ FLEETING_SCORE = BitField(48, 16)
 LIGHT = BitField(0, 16)
 
 # The number of an object of a town: the street, the stream on it (0 for what stands; a stream of
-# cyclists has a second one for the persons on the bicycles), and which one it is of those. In a
-# stream they are counted from the middle on: who comes in at one end of a street has a number above
-# or below all that are there, so that there is room on both sides.
+# cyclists has a second one for the persons on the bicycles), and which one it is of those.
 MEMBER, STREAM, STREET = BitField(0, 32), BitField(32, 4), BitField(36, 28)
-MIDDLE_MEMBER = 1 << MEMBER.bits - 1
 
 
 def mix(key: Any) -> Any:

@@ -101,7 +101,6 @@ class Scene:
         objects, row = self.objects, visible.row
         columns = (
             objects.label[row],
-            objects.number[row] - visible.number_offset,
             self.are_moving(visible, t_s),
             visible.east_m,
             visible.north_m,
