@@ -212,7 +212,6 @@ def test_the_same_traffic_gives_the_same_digest_in_any_file(fcd, tmp_path):
         {"duration": "2.5 s"},
         {"interval": "200 ms"},
         {"types": {"bus": {"label": "bus"}}},
-        {"view": "59 m"},
     ],
     ids=str,
 )
