@@ -49,7 +49,7 @@ from genie_sim.base.parallel import in_processes, workers_here
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Header, Image
 from genie_sim.core.rules import SIMILARITY
-from genie_sim.data.kitti.labels import make_truth
+from genie_sim.data.kitti.drive_truth import make_truth
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.kitti.tracking_sequence import CAMERA, sequences
 from genie_sim.data.trace import Trace, write_trace

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis.seed_runs import FORMAT, read_about
+from genie_sim.analysis.seed_runs import read_about
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.record import provenance, results
@@ -200,7 +200,9 @@ def test_what_is_no_mapping_is_one_line_with_the_file(text, command, tmp_path, c
     ("name", "kind"), [("titles", dict), ("methods", list), ("run_ids", list), ("metrics", dict)]
 )
 def test_what_a_sweep_says_of_itself_is_of_its_kind(name, kind, wrong, tmp_path):
-    (tmp_path / "sweep.json").write_text(json.dumps({"format": FORMAT, "sweep": {}, name: wrong}))
+    (tmp_path / "sweep.json").write_text(
+        json.dumps({"format": provenance.RESULT_FORMAT, "sweep": {}, name: wrong})
+    )
     if isinstance(wrong, kind):
         assert read_about(tmp_path)[name] == wrong
     else:

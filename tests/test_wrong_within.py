@@ -34,9 +34,9 @@ from genie_sim.base.settings import plain_data
 from genie_sim.base.units import NS_PER_S
 from genie_sim.cli.main import main
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.importers import fetch
-from genie_sim.data.importers.table_import import cars_of_tables
-from genie_sim.data.importers.trace_import import write_cars
+from genie_sim.data import fetch
+from genie_sim.data.intake import write_cars
+from genie_sim.data.table_import import cars_of_tables
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth import (
     RecordedTruth,

@@ -12,7 +12,7 @@ import pytest
 from import_v2v4real import DETECTIONS, LABELS, imported
 
 from genie_sim.base.errors import UserError
-from genie_sim.data.importers.trace_import import ImportedCar
+from genie_sim.data.intake import ImportedCar
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import TruthRow, read_truth_table
 from genie_sim.runs.folder import run_in_memory

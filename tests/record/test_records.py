@@ -370,16 +370,6 @@ def test_what_a_column_cannot_hold_is_refused(column, value):
         table.to_frame()
 
 
-def test_a_table_of_an_older_genie_sim_is_named_with_what_to_do(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "FORMAT_VERSION", 1)
-    a_short_drive().write(tmp_path / "frames.parquet")
-    monkeypatch.undo()
-    with pytest.raises(
-        UserError, match=r"made by an older genie-sim: format 1, this one reads 3; run it again"
-    ):
-        tables.read(tmp_path / "frames.parquet", FRAMES)
-
-
 def test_a_wrong_file_is_named_in_one_line(tmp_path):
     missing, broken, other = (
         tmp_path / "missing.parquet",

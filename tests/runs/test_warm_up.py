@@ -13,7 +13,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.results import Run
-from genie_sim.report import html_page
+from genie_sim.report import pages
 from genie_sim.report.replay import replay_data
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
@@ -125,7 +125,7 @@ def test_everything_says_what_is_not_counted(runs: tuple[Run, Run]):
         screen.header,
         summary.markdown,
         lambda one: one.footer,
-        lambda one: html_page.page(one, drawn={}),
+        lambda one: pages.of_run(one, drawn={}),
     )
     for show in shown:
         assert said in show(warm) and said not in show(whole)
