@@ -119,9 +119,9 @@ class Run(results.Run, _OfRuns):
 
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""
-        from genie_sim.report import html_page
+        from genie_sim.report import pages
 
-        return html_page.page(self, start_ns)
+        return pages.of_run(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """A line for each file: ``identical``, ``equal``, ``drawn otherwise`` or ``DIFFERENT``.
@@ -160,9 +160,9 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
 
     def page(self) -> str:
         """The text of the page about all runs."""
-        from genie_sim.report import comparison
+        from genie_sim.report import pages
 
-        return comparison.seeds_page(self)
+        return pages.of_seeds(self)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """Those lines of each run."""
@@ -189,7 +189,7 @@ def folder_of(result: Result) -> Path:
 # Where the kind of a folder is that has this file; that of seeds is a sweep's without axes.
 KINDS = {
     "verdicts.json": ("genie_sim.paper.reproduce", "Reproduction"),
-    seed_runs.ABOUT: ("genie_sim.study.sweep", "Sweep"),
+    seed_runs.SWEEP_FILE: ("genie_sim.study.sweep", "Sweep"),
 }
 
 

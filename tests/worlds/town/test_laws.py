@@ -16,7 +16,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.kitti.labels import read_labels
+from genie_sim.data.kitti.drive_truth import read_labels
 from genie_sim.data.trace import read_trace
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.keys import mix
