@@ -8,13 +8,14 @@ import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
+from genie_sim.base.spans import Ints
 from genie_sim.data.frame_source import Drives
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.keys import named_key
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
 from genie_sim.worlds.scene.objects import Flags, ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
-from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, VisibleObjects
 
 if TYPE_CHECKING:
     from genie_sim.worlds.scene.frames import SceneDrive, SceneFrame
@@ -28,17 +29,12 @@ class SceneVisibility(Protocol):
         if the poses are near each other.
         """
 
-    def are_there(
-        self,
-        labels: Sequence[str],
-        east_m: Array,
-        north_m: Array,
-        *,
-        t_s: Array,
-        tolerance_m: float,
-    ) -> Flags:
-        """Whether anything of the class of each label (n,) is within a distance [m] of each place
-        (n,) at its time (n,), whether it can be seen or not.
+    def near(
+        self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
+    ) -> PlacedObjects:
+        """All objects that are within a distance [m] of places (n,) at their times (n,), whether
+        they can be seen or not, and maybe others: those of the place's ``class_``
+        (n,) are among them.
         """
 
 
@@ -91,6 +87,27 @@ class Scene:
     def knows(self, label: str) -> bool:
         """Whether objects with a label would be among ``objects`` if they were there."""
         return True
+
+    def are_there(
+        self,
+        labels: Sequence[str],
+        east_m: Array,
+        north_m: Array,
+        *,
+        t_s: Array,
+        tolerance_m: float,
+    ) -> Flags:
+        """Whether anything of the class of each label (n,) is within a distance [m] of each place
+        (n,) at its time (n,), whether it can be seen or not.
+        """
+        class_ = self.objects.classes_of(labels)
+        near = self.visibility.near(east_m, north_m, t_s, class_=class_, radius_m=tolerance_m)
+        place = near.pose
+        away_m = np.hypot(near.east_m - east_m[place], near.north_m - north_m[place])
+        is_it = (away_m <= tolerance_m) & (self.objects.class_[near.row] == class_[place])
+        result = np.zeros(len(labels), dtype=bool)
+        result[place[is_it]] = True
+        return result
 
     def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject]:
         """The real ones of the objects that are visible from some poses, as they are at each pose's
@@ -146,9 +163,7 @@ class SceneTruth:
         self, frames: Sequence["SceneFrame"], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Flags:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
-        return self._scene.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
-        )
+        return self._scene.are_there(labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m)
 
 
 class SceneDrives(Drives):

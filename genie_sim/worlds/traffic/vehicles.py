@@ -18,7 +18,7 @@ from genie_sim.worlds.scene.frames import Motions
 from genie_sim.worlds.scene.objects import Flags
 from genie_sim.worlds.scene.view import near_pairs
 from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
-from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, says_what_it_is, type_named
+from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, type_named
 
 KEPT_STEPS = 256  # of so many steps it is kept who is where
 BESIDE_M = 10.0  # the map goes on beside its outermost vehicles; one street has an extent, too
@@ -40,7 +40,7 @@ def _types_by_name(
     names = dict.fromkeys(
         name for name, is_person in zip(rows.types, rows.is_person, strict=True) if not is_person
     )
-    told = {"", *own_types, *filter(says_what_it_is, names)}
+    told = {"", *own_types, *filter(type_named, names)}
     counts = Counter(name for name in rows.types if name not in told)
     if counts:
         most = ", ".join(f"{short_repr(name)} ({n:,})" for name, n in counts.most_common(5))
