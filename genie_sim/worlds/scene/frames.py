@@ -181,7 +181,7 @@ class FrameBatch:
         """What is really in view in one of the frames."""
         begin, end = self._visible.pose.searchsorted((pose, pose + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
-        return tuple(self.drive.scene.truth(visible, self._poses.t_s))
+        return tuple(self.drive.scene.truth(visible))
 
 
 def _rounded(values: Iterable[float], decimals: int) -> Array:

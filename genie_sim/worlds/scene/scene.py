@@ -41,7 +41,7 @@ class SceneVisibility(Protocol):
 class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
-    A subclass gives ``digest``, ``objects``, ``visibility``, ``are_moving`` and ``facts``. The same
+    A subclass gives ``digest``, ``objects``, ``visibility`` and ``facts``. The same
     ``digest`` is the same scene: the sha256 of all that decides what cameras see. No random number
     hangs on it, but on ``random_name`` and the seed: other settings are another scene of the same
     draws.
@@ -109,25 +109,19 @@ class Scene:
         result[place[is_it]] = True
         return result
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject]:
-        """The real ones of the objects that are visible from some poses, as they are at each pose's
-        time [s].
-        """
+    def truth(self, visible: VisibleObjects) -> list[SceneObject]:
+        """The real ones of the objects that are visible from some poses."""
         is_real = self.objects.real[visible.row]
         visible = VisibleObjects._make(column[is_real] for column in visible)
         objects, row = self.objects, visible.row
         columns = (
             objects.label[row],
-            self.are_moving(visible, t_s),
+            visible.moving,
             visible.east_m,
             visible.north_m,
             objects.up_m[row],
         )
         return [SceneObject(*of) for of in zip(*(c.tolist() for c in columns), strict=True)]
-
-    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
-        """Which of the visible objects (n,) move at their poses' times [s]."""
-        raise NotImplementedError
 
     def facts(self) -> Mapping[str, object]:
         """What the scene is made from, besides its seed."""

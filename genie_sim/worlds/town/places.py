@@ -93,11 +93,6 @@ class Places:
             has_class[objects.nothing] = False
             self._velocities.append(_SameVelocity(of_way, self._tracks, has_class))
 
-    @property
-    def speed_mps(self) -> Array:
-        """Of each object (objects,)."""
-        return self._tracks.speed_mps
-
     def _moved(self, east_m: Array, north_m: Array, t_s: Array) -> Array:
         """Places (n,) at their times in the frame of each velocity (velocities, n, 2)."""
         speed_mps = np.array([same.speed_mps for same in self._velocities])[:, None]
@@ -136,6 +131,7 @@ class Places:
         candidates = PlacedObjects(
             pose=np.repeat(pose, len(row)),
             row=np.tile(row, len(pose)),
+            moving=np.tile(self._tracks.speed_mps[row] != 0.0, len(pose)),
             east_m=east_m.ravel(),
             north_m=north_m.ravel(),
         )
@@ -180,4 +176,5 @@ class Places:
                 places.append(asked[place])
                 rows.append(row)
         place, row = np.concatenate(places), np.concatenate(rows)
-        return PlacedObjects(place, row, *self._at(row, t_s[place]))
+        moving = self._tracks.speed_mps[row] != 0.0
+        return PlacedObjects(place, row, moving, *self._at(row, t_s[place]))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints, rows_of_spans
 from genie_sim.worlds.scene.frames import CAMERA_UP_M, Motions
@@ -43,6 +44,7 @@ class TrafficView:
         candidates = PlacedObjects(
             pose=pose,
             row=vehicles.vehicle[row],
+            moving=motions.speed_mps > MOVING_MPS,
             east_m=motions.east_m,
             north_m=motions.north_m,
         )
@@ -111,5 +113,6 @@ class TrafficView:
         """As ``scene.SceneVisibility``, whatever the class."""
         place, row = self._vehicles.near(east_m, north_m, t_s, radius_m)
         motions = self._vehicles.at(row, t_s[place])
+        moving = motions.speed_mps > MOVING_MPS
         vehicle = self._vehicles.vehicle[row]
-        return PlacedObjects(place, vehicle, motions.east_m, motions.north_m)
+        return PlacedObjects(place, vehicle, moving, motions.east_m, motions.north_m)
