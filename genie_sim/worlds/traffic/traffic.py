@@ -140,7 +140,7 @@ class TrafficDrives(SceneDrives):
 
     def __init__(self, traffic: Traffic) -> None:
         settings, vehicles = traffic.settings, traffic.vehicles
-        super().__init__(traffic, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
+        super().__init__(traffic, settings)
         self.extent_m = vehicles.extent_m
         numbers = [number for number in range(len(vehicles)) if not vehicles.is_person[number]]
         self._ids = [vehicles.ids[number] for number in numbers]
