@@ -348,6 +348,10 @@ def _check_ways(
             f"{name}: a frame takes", frames[0].size_bytes / 1e6, "MB", USUAL_MB, "to send"
         )
         report.span("height", {frame.height for frame in pictured}, "px")
+        sizes = sorted({(frame.width, frame.height) for frame in pictured})
+        if len(sizes) > 1:
+            several = ", ".join(f"{width}x{height}" for width, height in sizes[:3])
+            report.warn(f"{name}: pictures of {len(sizes)} sizes, such as {several} pixels")
         report.check_way(name, times_s.tolist(), poses[:, :2])
         courses[name] = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
     # of several cameras some look aside
@@ -368,19 +372,16 @@ def _check_detections(
     detected_in: Path | None,
 ) -> None:
     """How many detections there are, and whether they are where the sensors look."""
+    frames = [frame for cameras in cars.values() for of in cameras.values() for frame in of]
+    labels = Counter(found.label for frame in frames for found in frame.detections)
     distances_m: list[float] = []
-    labels: Counter[str] = Counter()
     outside, doubled = 0, 0
-    for frame in (
-        frame for cameras in cars.values() for camera in cameras.values() for frame in camera
-    ):
+    for frame in frames:
         sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
-        labels.update(detection.label for detection in frame.detections)
-        places = [detection.location for detection in frame.detections if detection.location]
+        places = [found.location for found in frame.detections if found.location]
         doubled += len(places) - len(set(places))
-        for east_m, north_m, _ in places:
-            distances_m.append(math.dist((east_m, north_m), frame.pose[:2]))
-            outside += sector.distance_m(east_m, north_m) is None
+        distances_m += [math.dist(place[:2], frame.pose[:2]) for place in places]
+        outside += sum(sector.distance_m(*place[:2]) is None for place in places)
     count = labels.total()
     report.read("detections", count)
     others = Counter({label: many for label, many in labels.items() if label not in ROAD_LABELS})

@@ -53,8 +53,7 @@ def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
     labels_of = labels_of_sequence if in_sequence else labels_of_drive
     path = label_file(Path(root), drive)
     for picture, label in labels_of(Path(root), drive, path, trace):
-        if label is not None:
-            pictures[picture].append(label)
+        pictures[picture].append(label)
     source = f"label_02 of {drive}" if in_sequence else f"tracklets of {drive}"
     return PictureLabels(source, pictures, _moving(pictures, trace))
 
