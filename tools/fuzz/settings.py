@@ -219,7 +219,7 @@ def options(folder: Path) -> Case:
         stopped = (
             "runs.folder.run_to_folder",
             "paper.reproduce.reproduce",
-            "data.importers.fetch.receive",
+            "data.fetch.receive",
             "scenario.device_fit.measure",
             "study.study.Study.run",
         )
