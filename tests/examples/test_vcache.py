@@ -110,7 +110,7 @@ def test_only_an_answer_that_differs_is_stored():
         assert some.get(asked, 5) is None, "too little is known to replay"
         some.put(asked, "/objects", found, 6)
         some.put(asked, "/objects", found, 7)  # the edge answers, too
-    assert [*some.answers] == [key(0), different]
+    assert len(some) == 2 and different in some.answers and alike not in some.answers
     assert some.law(key(3))._seen == {0.0: [1, 0], 1.0: [0, 1], 0.99: [0, 1], 0.98: [1, 0]}
 
 
