@@ -50,20 +50,20 @@ class OnnxDetector(ABC):
     """A detector: a picture in, labelled boxes out; pictures may be looked at on several threads.
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
-    (width, height; ``None``: what the file says), the ``strides`` of its cells, the
-    ``output_count`` and the shapes of its outputs, how it wants colours (``normalized``) and what
-    its outputs mean (``decode``). ``sized_output_count`` is that of a network with the size of the
-    picture as second input. ``gap`` names the feature that the mean over the backbone's last
-    activation makes, for networks that pool at several sizes there.
+    (width, height; ``None``: what the file says), the ``strides`` of its cells, how many inputs
+    (the second is the size of the picture) and outputs it has, the shapes of these, how it wants
+    colours (``normalized``) and what its outputs mean (``decode``). ``gap`` names the feature that
+    the mean over the backbone's last activation makes, for networks that pool at several sizes
+    there.
     """
 
     name: ClassVar[str]
     file_name: ClassVar[str]
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
-    output_count: int = 1
+    input_count: ClassVar[int] = 1
+    output_count: ClassVar[int] = 1
     is_decoded: bool = False
-    sized_output_count: ClassVar[int] = 0
     gap: ClassVar[str] = ""
 
     def __init__(
@@ -90,12 +90,8 @@ class OnnxDetector(ABC):
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
-        counts = [
-            (1, self.output_count),
-            *([(2, self.sized_output_count)] * bool(self.sized_output_count)),
-        ]
-        network, self.sha256 = read_network(weights, counts)
-        self.weights, self.output_count = weights, len(network.graph.output)
+        network, self.sha256 = read_network(weights, self.input_count, self.output_count)
+        self.weights = weights
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
