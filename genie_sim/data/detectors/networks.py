@@ -2,6 +2,7 @@
 outputs mean.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -28,17 +29,21 @@ class YoloxNano(OnnxDetector):
     strides = (8, 16, 32)
     gap = "yolox_gap"
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        return SHARES if is_share(outputs[0][:, :4]) else ""
+    def doubt(self) -> str:
+        return SHARES if is_share(self.grey_outputs[0][:, :4]) else ""
 
-    def decodes(self, outputs: Sequence[np.ndarray]) -> bool:
-        """If so, its centres are those of its cells in pixels."""
-        places, cells = outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
+    @functools.cached_property
+    def is_decoded(self) -> bool:
+        """Whether the network decodes its boxes itself: its centres are those of its cells in
+        pixels.
+        """
+        places, cells = self.grey_outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
         offset = np.median(np.abs(places - cells) / self.cell_strides)
         return bool(offset < DECODED and np.median(np.abs(places)) > DECODED)
 
     @property
     def notes(self) -> list[str]:
+        """What a user may want to know of the network."""
         return [f"{self.name}: the network decodes its boxes itself"] * self.is_decoded
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
@@ -132,8 +137,8 @@ class Yolov8(OnnxDetector):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(4 + len(self.labels), len(self.cells))]
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        return SHARES if is_share(outputs[0][:4]) else ""
+    def doubt(self) -> str:
+        return SHARES if is_share(self.grey_outputs[0][:4]) else ""
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture, then the score of each class."""
@@ -157,8 +162,8 @@ class Yolov10(Yolov8):
         """Left, top, right, bottom, score and class (boxes, 6)."""
         return outputs[0].astype(np.float64)
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        rows = self.rows(outputs)
+    def doubt(self) -> str:
+        rows = self.rows(self.grey_outputs)
         numbers = rows[:, 5]
         if (rows[:, 2:4] < rows[:, 0:2] - 1e-3).any() or (numbers != np.rint(numbers)).any():
             return "it gives no left, top, right, bottom, score and class"
@@ -202,8 +207,8 @@ class RtDetr(Yolov8):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(None, 4 + len(self.labels))]
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        is_far = np.abs(outputs[0][:, :4]).max(initial=0.0) > 2
+    def doubt(self) -> str:
+        is_far = np.abs(self.grey_outputs[0][:, :4]).max(initial=0.0) > 2
         return "its places are no shares of the picture" if is_far else ""
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:

@@ -63,8 +63,9 @@ class OnnxDetector(ABC):
     strides: ClassVar[tuple[int, ...]]
     input_count: ClassVar[int] = 1
     output_count: ClassVar[int] = 1
-    is_decoded: bool = False
     gap: ClassVar[str] = ""
+    grey_outputs: list[np.ndarray]
+    """What the network says of a grey picture."""
 
     def __init__(
         self,
@@ -156,11 +157,6 @@ class OnnxDetector(ABC):
         """
         return {label: self._unused[label] for label in self._classes if label not in QUIET_LABELS}
 
-    @property
-    def notes(self) -> list[str]:
-        """What was found out about the network that a user may want to know."""
-        return []
-
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """The network's input (1, 3, height, width) from a picture (height, width, 3), and how much
         it was scaled.
@@ -176,15 +172,9 @@ class OnnxDetector(ABC):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         """The shapes of the outputs of one picture; ``None``: any number."""
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        """Why the outputs for a grey picture cannot mean what ``decode`` takes them for; ``""``:
-        they can.
-        """
+    def doubt(self) -> str:
+        """Why ``grey_outputs`` cannot mean what ``decode`` takes them for; ``""``: they can."""
         return ""
-
-    def decodes(self, outputs: Sequence[np.ndarray]) -> bool:
-        """Whether the network decodes its boxes itself, by its outputs for a grey picture."""
-        return False
 
     def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
         """What must lie between 0 and 1 in the outputs of one picture."""
@@ -242,23 +232,21 @@ class OnnxDetector(ABC):
 
     def _check_outputs(self, options: Any) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
-        weights = self.weights
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
-        with as_user_error(f"{weights}: is no {self.name} network", Exception):
-            outputs = self.infer(blob, options)
-        shapes = [output.shape for output in outputs[: self.output_count]]
+        wrong = f"{self.weights}: is no {self.name} network"
+        with as_user_error(wrong, Exception):
+            self.grey_outputs = self.infer(blob, options)[: self.output_count]
+        shapes = [output.shape for output in self.grey_outputs]
         expected = self.output_shapes()
         if not all(map(_fits, shapes, expected)):
             wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
             raise UserError(
-                f"{weights}: is no {self.name} network: its output is "
-                f"{', '.join(map(str, shapes))}, expected {wanted}; --detector names other kinds, "
-                "'genie-sim list detectors' tells their outputs"
+                f"{wrong}: its output is {', '.join(map(str, shapes))}, expected {wanted}; "
+                "--detector names other kinds, 'genie-sim list detectors' tells their outputs"
             )
-        self._check_scores(outputs[: self.output_count])
-        if doubt := self.doubt(outputs):
-            raise UserError(f"{weights}: is no {self.name} network: {doubt}")
-        self.is_decoded = self.decodes(outputs)
+        self._check_scores(self.grey_outputs)
+        if doubt := self.doubt():
+            raise UserError(f"{wrong}: {doubt}")
 
     def _check_scores(self, outputs: Sequence[np.ndarray]) -> None:
         """Raises UserError for scores that are no probabilities, of whichever picture."""
