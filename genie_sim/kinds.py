@@ -117,9 +117,9 @@ class Run(results.Run, _OfRuns):
 
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""
-        from genie_sim.report import html_page
+        from genie_sim.report import pages
 
-        return html_page.page(self, start_ns)
+        return pages.of_run(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""
@@ -163,9 +163,9 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
 
     def page(self) -> str:
         """The text of the page about all runs."""
-        from genie_sim.report import comparison
+        from genie_sim.report import pages
 
-        return comparison.seeds_page(self)
+        return pages.of_seeds(self)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """Those lines of each run."""
@@ -181,7 +181,7 @@ def load(folder: Path) -> Result:
         from genie_sim.paper.reproduce import Reproduction
 
         return Reproduction.read(folder)
-    if (folder / seed_runs.ABOUT).is_file():
+    if (folder / seed_runs.SWEEP_FILE).is_file():
         from genie_sim.study.sweep import Sweep
 
         return Sweep.read(folder)

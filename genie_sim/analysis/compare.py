@@ -5,10 +5,14 @@ seeds in common, by seed, from ``statistics.MIN_SEEDS`` on with the 95 % t inter
 differences. With one, by blocks of one second of each car inside its run (``statistics.Blocks``):
 that says nothing of other seeds or drives. Settings and seeds that not all results have are left
 out, so that the numbers of a row agree.
+
+A run ``a`` beside a run ``b`` of two methods, each of seed 1, is four arms: ``a: remote`` and
+``a: genie``, then ``b: remote``, which is compared with the first, and ``b: genie``, with the
+second. A sweep alone, of two rates, is also four: at each rate ``genie`` is compared with
+``remote``.
 """
 
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -17,8 +21,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair
-from genie_sim.analysis.metrics import of_method, samples
-from genie_sim.analysis.registry import Words, definition, shown, with_formulas
+from genie_sim.analysis.metrics import of_method, samples, with_formulas
+from genie_sim.analysis.registry import Words, definition, shown
 from genie_sim.analysis.seed_runs import means_of, seeds_text
 from genie_sim.analysis.statistics import around, mean_and_spread
 from genie_sim.analysis.tidy import is_negligible
@@ -30,44 +34,67 @@ from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 Value = TypeVar("Value")
 Seeds = Mapping[int, Run]  # the runs of one setting, by seed
 Cells = Mapping[str, Seeds]  # the settings of one result, by name: {"rate 0.1": {1: run, 2: run}}
-SEEDS, BLOCKS = "seeds", "blocks of 1 s"
+Number = tuple[float, int]  # a value, and over how many rows it is
+SEEDS, BLOCKS = "seeds", "blocks (1 s of one car each) of one seed"
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
-GIVEN = "given"  # the value of a part that is in some settings alone
+MISSING = object()  # what stands for a setting that a result does not have
 NO_SETTINGS = ("scenario.seed", "scenario.name", "scenario.description")
 
 
-@dataclass(frozen=True)
-class Arm:
-    """One method under one setting: its runs by seed.
-
-    ``setting`` is empty where there is one only. Tables and the library name an arm by ``label``,
-    setting and method's name; people read ``title``, setting and method's title.
+class Setting(NamedTuple):
+    """The runs, by seed, of one result, which is called by this name, at one of its cells: a point
+    of a sweep, or, for runs that are no sweep's, the empty text.
     """
 
-    label: str
-    title: str
+    result: str
+    cell: str
+    runs: Seeds
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """One method under one setting: its runs by seed, and the arm that it is compared with.
+
+    ``setting`` is empty where there is one only.
+    """
+
     method: MethodInfo
     runs: Seeds
     setting: str = ""
+    against: "Arm | None" = None
+
+    @property
+    def label(self) -> str:
+        """What tables and the library call it: its setting and its method's name."""
+        return f"{self.setting}: {self.method.name}" if self.setting else self.method.name
+
+    @property
+    def title(self) -> str:
+        """What people read for it: its setting and its method's title."""
+        return f"{self.setting}: {self.method.title}" if self.setting else self.method.title
 
     @property
     def seed(self) -> int | None:
         """Its one seed; ``None`` where its numbers are means over several."""
         return next(iter(self.runs)) if len(self.runs) == 1 else None
 
+    @property
+    def words(self) -> Words:
+        """What its results say of metrics of the user's own."""
+        return _any(self.runs).words
+
 
 class Difference(NamedTuple):
-    """A metric of an arm, what it is ``about``, and, where there is another to compare with, that
+    """A metric of an arm, what it is ``about``, and, where the arm is compared with another, that
     one's value and the difference of both. ``by`` says what is paired, ``n`` how many of them, and
     ``of_seeds`` is the difference under each seed.
     """
 
     metric: str
-    arm: str
-    value: float | None
+    arm: Arm
+    value: float
     about: Metric
-    against: str = ""
     against_value: float | None = None
     difference: float | None = None
     low: float | None = None
@@ -75,6 +102,11 @@ class Difference(NamedTuple):
     by: str = ""
     n: int = 0
     of_seeds: Sequence[float] = ()
+
+    @property
+    def against(self) -> Arm | None:
+        """The arm with which this one is compared."""
+        return self.arm.against
 
     @property
     def verdict(self) -> str:
@@ -108,8 +140,8 @@ class Difference(NamedTuple):
 class ComparedRuns:
     """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that
     differs, with its value under every setting, in the order of ``names``.
-    ``left_out`` says which seeds are compared, where not all settings have the same. ``metrics``
-    are those that were asked for, none for the usual ones.
+    ``left_out`` says which seeds are compared, where not all settings have the same, and
+    ``metrics`` which metrics are.
     """
 
     arms: Sequence[Arm]
@@ -122,21 +154,20 @@ class ComparedRuns:
     @property
     def words(self) -> Words:
         """What the results say of metrics of the user's own."""
-        return {name: told for arm in self.arms for name, told in _any(arm.runs).words.items()}
+        return {name: told for arm in self.arms for name, told in arm.words.items()}
+
+    @property
+    def units(self) -> str:
+        """What the intervals are over; empty where there is none."""
+        return " and ".join(sorted({row.by for row in self.rows if row.low is not None}))
 
     @property
     def by(self) -> str:
-        """What the intervals are over, in words."""
-        units = paired_by(self.rows)
-        if units:
-            return f"95 % intervals of paired differences, by {units}"
+        """The same in words."""
+        if self.units:
+            return f"95 % intervals of paired differences, by {self.units}"
         are_paired = any(row.difference is not None for row in self.rows)
         return "paired differences without intervals" if are_paired else "nothing to compare with"
-
-
-def paired_by(rows: Iterable[Difference]) -> str:
-    """What the intervals of these rows are over; empty where none has any."""
-    return " and ".join(sorted({row.by for row in rows if row.low is not None}))
 
 
 class Comparable(Protocol):
@@ -163,14 +194,9 @@ def compare(
     comparison = compared(results, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
         if metrics and not comparison.rows and len(comparison.arms) > 1:
-            measured = {
-                metric.metric
-                for arm in comparison.arms
-                for run in arm.runs.values()
-                for metric in run.measured
-                if metric.value is not None
-            }
-            if measured.intersection(metrics):
+            runs = [run for arm in comparison.arms for run in arm.runs.values()]
+            numbers = [number for run in runs for number in run.measured]
+            if any(one.metric in metrics and one.value is not None for one in numbers):
                 names = ", ".join(metrics)
                 raise UserError(
                     f"compare: no method as a whole has a value of {names}; see genie-sim table"
@@ -200,115 +226,101 @@ def compared(
     runs = [run for result in results for run in result.cells.get("", {}).values()]
     folder = next((run.folder for run in runs if run.folder is not None), None)
     with provenance.of_this_version(folder):
-        sides: list[Cells] = [{"": by} for by in settings_of(runs)]
+        sides: list[Cells] = [{"": by_seed} for by_seed in settings_of(runs)]
         sides += [result.cells for result in results if "" not in result.cells]
-        return _compare_sides(sides, methods, labels, metrics)
+        firsts = [_any(_any(side)) for side in sides]
+        by_name = dict(zip(names_of(firsts, labels), sides, strict=True))
+        common, left_out = _common(by_name)
+        arms = _arms(common, methods)
+        unlike = _told_differently(arms)
+        for metric in metrics:
+            if metric in unlike:
+                raise UserError(f"compare: {metric}: {unlike[metric]}, so it is not one metric")
+        for metric, why in unlike.items():
+            left_out += f" Without {metric}: {why}."
+        of_runs = [run.measured for arm in arms for run in arm.runs.values()]
+        measured = [number.metric for of_run in of_runs for number in of_run]
+        metrics = metrics or shown(MAIN, (name for name in measured if name not in unlike))
+        rows = list(_rows(metrics, arms))
+        return ComparedRuns(arms, rows, [*by_name], _settings(firsts), left_out, metrics)
 
 
-def _compare_sides(
-    sides: Sequence[Cells],
-    methods: Sequence[str],
-    labels: Sequence[str],
-    metrics: Sequence[str],
-) -> ComparedRuns:
-    """Of each result its settings, by the names that these have in every result."""
-    firsts = [_any(_any(side)) for side in sides]
-    names = names_of(firsts, labels)
-    cells, left_out = _common(sides, names)
-    arms, references = _arms(cells, names, methods)
-    unlike = _told_differently(arms)
-    for metric in metrics:
-        if metric in unlike:
-            raise UserError(f"compare: {metric}: {unlike[metric]}, so it is not one metric")
-    for metric, why in unlike.items():
-        left_out += f" Without {metric}: {why}."
-    rows = list(_rows(metrics or _shown(arms), arms, references))
-    return ComparedRuns(arms, rows, names, _settings(firsts), left_out, metrics)
+def _common(results: Mapping[str, Cells]) -> tuple[list[Setting], str]:
+    """The settings that all results have, cell by cell, with the seeds that all have there, and a
+    sentence that says so where others are left out. Raises ``UserError`` where there are none.
+    """
+
+    def of_each(texts: Iterable[str]) -> str:
+        return "; ".join(f"{name} has {text}" for name, text in zip(results, texts, strict=True))
+
+    cells = [cell for cell in _any(results) if all(cell in of for of in results.values())]
+    if not cells:
+        names = (short_repr(", ".join(of) or "one setting") for of in results.values())
+        raise UserError(f"compare: no setting in common: {of_each(names)}")
+    left_out: dict[str, None] = {}
+    settings: list[Setting] = []
+    for cell in cells:
+        runs = [of[cell] for of in results.values()]
+        seeds = [seed for seed in runs[0] if all(seed in by_seed for by_seed in runs)]
+        told = of_each(seeds_text([*by_seed]) for by_seed in runs)
+        if not seeds:
+            raise UserError(f"compare: no seed in common: {told}")
+        if any(len(by_seed) > len(seeds) for by_seed in runs):
+            left_out[f"Only the common {seeds_text(seeds)}: {told}."] = None
+        for name, by_seed in zip(results, runs, strict=True):
+            settings.append(Setting(name, cell, {seed: by_seed[seed] for seed in seeds}))
+    if any(len(of) > len(cells) for of in results.values()):
+        left_out[f"Only the {len(cells)} settings that all results have."] = None
+    return settings, " ".join(left_out)
 
 
-def _arms(
-    cells: Mapping[str, Mapping[str, Seeds]],
-    names: Sequence[str],
-    methods: Sequence[str],
-) -> tuple[list[Arm], dict[str, Arm]]:
-    """The arms, and by an arm's label that with which it is compared, if any: a ``cell`` is a
-    setting of sweeps, a ``name`` that of a result.
+def _arms(settings: Sequence[Setting], methods: Sequence[str]) -> list[Arm]:
+    """The arms of all settings. In a cell each is compared with that of its method in the first
+    result, of one result with that of the first method; these with nothing.
     """
     arms: list[Arm] = []
-    references: dict[str, Arm] = {}
-    for cell, by_name in cells.items():
-        firsts_of_cell: dict[str, Arm] = {}  # what the others are compared with
-        for name, by_seed in by_name.items():
-            for method in _chosen(_any(by_seed), methods):
-                place = ", ".join(filter(None, [name if len(names) > 1 else "", cell]))
-                label, title = (
-                    f"{place}: {text}" if place else text for text in (method.name, method.title)
-                )
-                arm = Arm(label, title, method, by_seed, place)
-                key = method.name if len(names) > 1 else ""
-                if name == names[0]:
-                    firsts_of_cell.setdefault(key, arm)
-                if firsts_of_cell.get(key, arm) is not arm:
-                    references[label] = firsts_of_cell[key]
-                arms.append(arm)
-    return arms, references
+    firsts: dict[tuple[str, str], Arm] = {}
+    several = any(setting.result != settings[0].result for setting in settings)
+    for result, cell, runs in settings:
+        place = ", ".join(filter(None, [result if several else "", cell]))
+        for method in _chosen(_any(runs), methods):
+            key = cell, method.name if several else ""
+            arms.append(Arm(method, runs, place, firsts.get(key)))
+            if result == settings[0].result:
+                firsts.setdefault(key, arms[-1])
+    return arms
 
 
-def _rows(
-    metrics: Iterable[str], arms: Sequence[Arm], references: Mapping[str, Arm]
-) -> Iterator[Difference]:
-    """Metric by metric a row of each arm that has a value."""
-    samples_of = {arm.label: _samples(arm) for arm in arms}
+def _rows(metrics: Sequence[str], arms: Sequence[Arm]) -> Iterator[Difference]:
+    """Metric by metric a row of each arm that has a value, over the seeds in which that with which
+    it is compared has one, too.
+    """
+    numbers = {arm: _numbers(arm) for arm in arms}
+    samples_of = {arm: _samples(arm) for arm in arms}
     for metric in metrics:
         for arm in arms:
-            reference = references.get(arm.label)
-            row = _difference(metric, arm, reference)
-            if row is not None and reference is not None and len(arm.runs) == 1:
-                row = _over_blocks(row, samples_of[arm.label], samples_of[reference.label])
-            if row is not None:
-                yield row
-
-
-def _common(
-    sides: Sequence[Cells], names: Sequence[str]
-) -> tuple[dict[str, dict[str, Seeds]], str]:
-    """By setting and by result the runs of those seeds that all results have, and a sentence that
-    says so where others are left out. Raises ``UserError`` where they have none in common.
-    """
-    left_out: dict[str, None] = {}
-    cells: dict[str, dict[str, Seeds]] = {}
-    for cell in sides[0]:
-        if not all(cell in side for side in sides):
-            continue
-        settings = [side[cell] for side in sides]
-        common = [seed for seed in settings[0] if all(seed in by for by in settings)]
-        of_each = "; ".join(
-            f"{name} has {seeds_text([*by])}" for name, by in zip(names, settings, strict=True)
-        )
-        if not common:
-            raise UserError(f"compare: no seed in common: {of_each}")
-        if any(len(by) > len(common) for by in settings):
-            left_out[f"Only the common {seeds_text(common)}: {of_each}."] = None
-        cells[cell] = {
-            name: {seed: by[seed] for seed in common}
-            for name, by in zip(names, settings, strict=True)
-        }
-    if not cells:
-        of_each = "; ".join(
-            f"{name} has {short_repr(', '.join(side) or 'one setting')}"
-            for name, side in zip(names, sides, strict=True)
-        )
-        raise UserError(f"compare: no setting in common: {of_each}")
-    if any(len(side) > len(cells) for side in sides):
-        left_out[f"Only the {len(cells)} settings that all results have."] = None
-    return cells, " ".join(left_out)
+            ours = numbers[arm].get(metric, {})
+            theirs = numbers[arm.against].get(metric, {}) if arm.against is not None else {}
+            seeds = [seed for seed in ours if seed in theirs] or [*ours]
+            if not seeds:
+                continue
+            mean = float(np.mean([ours[seed][0] for seed in seeds]))
+            row = Difference(metric, arm, mean, definition(metric, arm.words))
+            if arm.against is not None and theirs.keys() >= {*seeds}:
+                mean = float(np.mean([theirs[seed][0] for seed in seeds]))
+                row = row._replace(against_value=mean, difference=row.value - mean)
+                if len(arm.runs) == 1:
+                    row = _over_blocks(row, samples_of[arm], samples_of[arm.against])
+                elif len(seeds) > 1:
+                    row = _over_seeds(row, [(ours[seed], theirs[seed]) for seed in seeds])
+            yield row
 
 
 def _told_differently(arms: Sequence[Arm]) -> dict[str, str]:
     """The metrics of the user's own of which results say different things, with what they say."""
     said: dict[str, dict[str, None]] = {}
     for arm in arms:
-        for name, words in _any(arm.runs).words.items():
+        for name, words in arm.words.items():
             text = ", ".join(f"{key} {short_repr(value)}" for key, value in words.items())
             said.setdefault(name, {})[text] = None
     return {
@@ -316,14 +328,6 @@ def _told_differently(arms: Sequence[Arm]) -> dict[str, str]:
         for name, texts in said.items()
         if len(texts) > 1
     }
-
-
-def _shown(arms: Sequence[Arm]) -> list[str]:
-    """The metrics that are compared unless the user says which."""
-    unlike = _told_differently(arms)
-    runs = (run for arm in arms for run in arm.runs.values())
-    names = (metric.metric for run in runs for metric in run.measured)
-    return shown(MAIN, (name for name in names if name not in unlike))
 
 
 def _any(values: Mapping[Any, Value]) -> Value:
@@ -368,7 +372,7 @@ def _alike(run: Run, other: Run) -> str:
     """Why a run is not compared with another of its setting and seed."""
     if run.run_id == other.run_id:
         return "the same run is given twice"
-    differing = ", ".join(_differing([run.facts, other.facts]))
+    differing = ", ".join(dict(_differing([run.facts, other.facts])))
     return f"differs from {other.run_id}, of the same setting and seed, in {differing}"
 
 
@@ -408,40 +412,13 @@ def _names_by_content(runs: Sequence[Run]) -> list[str]:
     return [f"{run.name}-{run.run_id[:6]}" for run in runs]
 
 
-def _difference(metric: str, arm: Arm, reference: Arm | None) -> Difference | None:
-    """A metric of an arm, with its difference from that of the reference, if there is one, over the
-    seeds in which both have a value; ``None`` where the arm has none.
-    """
-    values = _values(arm, metric)
-    if not values:
-        return None
-    about = definition(metric, _any(arm.runs).words)
-    others = _values(reference, metric) if reference is not None else {}
-    pairs = [(value, others[seed]) for seed, value in values.items() if seed in others]
-    if reference is None or not pairs:
-        return Difference(
-            metric,
-            arm.label,
-            float(np.mean([value for value, _ in values.values()])),
-            about,
-            against="" if reference is None else reference.label,
-        )
-    ours, theirs = ([value for value, _ in side] for side in zip(*pairs, strict=True))
-    value, against_value = float(np.mean(ours)), float(np.mean(theirs))
-    row = Difference(
-        metric,
-        arm.label,
-        value,
-        about,
-        against=reference.label,
-        against_value=against_value,
-        difference=value - against_value,
+def _over_seeds(row: Difference, pairs: Sequence[tuple[Number, Number]]) -> Difference:
+    """The row with its interval over seeds, of each of which there are the numbers of both."""
+    of_seeds = [own - other for (own, _), (other, _) in pairs]
+    fewest = min(n for pair in pairs for _, n in pair)
+    low, high = row.about.over_seeds(
+        *mean_and_spread(of_seeds), len(pairs), rows=fewest, is_cut=False
     )
-    if len(pairs) == 1:
-        return row
-    of_seeds = [own - other for own, other in zip(ours, theirs, strict=True)]
-    rows = min(n for pair in pairs for _, n in pair)
-    low, high = about.over_seeds(*mean_and_spread(of_seeds), len(pairs), rows=rows, is_cut=False)
     return row._replace(low=low, high=high, by=SEEDS, n=len(pairs), of_seeds=of_seeds)
 
 
@@ -478,15 +455,15 @@ def _has_its_formula(run: Run, metric: str) -> bool:
     return False
 
 
-def _values(arm: Arm, metric: str) -> dict[int, tuple[float, int]]:
-    """A metric's value by seed, where it is defined, and over how many rows it is."""
-    of_arm: dict[int, tuple[float, int]] = {}
+def _numbers(arm: Arm) -> dict[str, dict[int, Number]]:
+    """Of each metric the numbers of the arm's method as a whole, by seed, where it is defined."""
+    numbers: dict[str, dict[int, Number]] = {}
     for seed, run in arm.runs.items():
-        for of_run in run.measured:
-            place = (of_run.metric, of_run.method, of_run.placement, of_run.component)
-            if place == (metric, arm.method.name, "all", "") and of_run.value is not None:
-                of_arm[seed] = of_run.value, of_run.n
-    return of_arm
+        for number in run.measured:
+            place = number.method, number.placement, number.component
+            if place == (arm.method.name, "all", "") and number.value is not None:
+                numbers.setdefault(number.metric, {})[seed] = number.value, number.n
+    return numbers
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
@@ -494,46 +471,37 @@ def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
     runs of a sweep's cell have no tables, and do not say what was read.
     """
     names = "scenario", "devices", "genie_sim"
-    differing = _differing([{name: run.facts[name] for name in names} for run in runs])
+    differing = dict(_differing([{name: run.facts[name] for name in names} for run in runs]))
     if differing or not all(run.tables for run in runs):
         return differing
-    return _differing(list(map(_decisive, runs)))
+    return dict(_differing(list(map(_decisive, runs))))
 
 
-def _differing(of_runs: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
-    """What differs: each path, and its value in each, ``-`` where it has none. A part that is not
-    in all, such as a device, is one entry.
+def _differing(values: Sequence[Any], path: str = "") -> Iterator[tuple[str, list[str]]]:
+    """Each path, such as ``cars[0].device``, at which these differ, and the text of each there. A
+    part that not all have, such as a device, is one path.
     """
-    flat = [{path: short_repr(value) for path, value in _flat(of_run)} for of_run in of_runs]
-    parts = [{part for path in of_run for part in _parts(path)} for of_run in flat]
-    in_all = set.intersection(*parts)
-    differing = {}
-    for path in dict.fromkeys(path for values in flat for path in values):
-        whole = next((part for part in _parts(path) if part not in in_all), path)
-        values = [
-            of_run.get(whole, of_run.get(f"{whole}.title", GIVEN) if whole in known else "-")
-            for of_run, known in zip(flat, parts, strict=True)
-        ]
-        if len(set(values)) > 1 and path not in NO_SETTINGS:
-            differing[whole] = values
-    return differing
+    if path in NO_SETTINGS:
+        return
+    if all(isinstance(value, Mapping) for value in values):
+        for key in dict.fromkeys(key for value in values for key in value):
+            inner = [value.get(key, MISSING) for value in values]
+            yield from _differing(inner, f"{path}.{key}" if path else str(key))
+    elif all(isinstance(value, list | tuple) for value in values):
+        for place in range(max(map(len, values))):
+            inner = [value[place] if place < len(value) else MISSING for value in values]
+            yield from _differing(inner, f"{path}[{place}]")
+    elif any(value != values[0] for value in values):
+        yield path, list(map(_text, values))
 
 
-def _parts(path: str) -> list[str]:
-    """What a path leads through, itself included: ``cars``, ``cars[0]``, ``cars[0].device``."""
-    return [path[: match.start()] for match in re.finditer(r"(?<=.)(?=[.\[])|$", path)]
-
-
-def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Each value that is no mapping or list, with its path: ``cars[0].device``."""
-    if isinstance(value, Mapping) and value:
-        for key in value:
-            yield from _flat(value[key], f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list | tuple) and value:
-        for place, element in enumerate(value):
-            yield from _flat(element, f"{path}[{place}]")
-    else:
-        yield path, value
+def _text(value: Any) -> str:
+    """A setting, ``-`` where there is none; a part with several by its title, if it has one."""
+    if value is MISSING:
+        return "-"
+    if isinstance(value, Mapping) and "title" in value:
+        return short_repr(value["title"])
+    return "given" if value and isinstance(value, Mapping | list | tuple) else short_repr(value)
 
 
 def as_metrics(
@@ -542,7 +510,6 @@ def as_metrics(
     """The arms as if each were a method, for figures: means over seeds, or the run's own numbers
     with intervals. By default the numbers of arms as a whole; of ``names`` all that there are.
     """
-    chosen = names or comparison.metrics or _shown(comparison.arms)
     metrics = []
     for arm in comparison.arms:
         runs = list(arm.runs.values())
@@ -551,7 +518,9 @@ def as_metrics(
             is_whole = (metric.placement, metric.component) == ("all", "")
             if metric.method == arm.method.name and (names or is_whole):
                 by_name.setdefault(metric.metric, []).append(replace(metric, method=arm.label))
-        of_arm = (metric for name in chosen for metric in by_name.get(name, ()))
+        of_arm = (
+            metric for name in names or comparison.metrics for metric in by_name.get(name, ())
+        )
         metrics += [metric for metric in of_arm if metric.value is not None]
     methods = [MethodInfo(arm.label, arm.title, arm.method.baseline) for arm in comparison.arms]
     return metrics, methods

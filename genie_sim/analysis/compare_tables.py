@@ -17,6 +17,8 @@ ONE_RUN = (
     "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
     "may differ by more."
 )
+NO_INTERVAL = "no interval"
+ABOUT_NO_INTERVAL = "No interval: one seed gives none of that metric."
 ABOUT_NEGLIGIBLE = "Negligible: a difference below 1 % of the value."
 ABOUT_SHARES = "Differences of shares are in percentage points."
 
@@ -43,8 +45,8 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
         number = replace(metric, method=arm.method.name)
         yield (arm.setting, *number.of_seed(arm.seed), "", "", "")
     for row in comparison.rows:
-        if row.difference is not None:
-            arm = arms[row.arm]
+        if row.against is not None and row.difference is not None:
+            arm = row.arm
             number = MetricValue(
                 row.metric,
                 arm.method.name,
@@ -56,7 +58,8 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
                 high=row.high,
                 n=row.n,
             )
-            yield (arm.setting, *number.of_seed(arm.seed), row.against, row.by, row.verdict)
+            against = row.against.label
+            yield (arm.setting, *number.of_seed(arm.seed), against, row.by, row.verdict)
 
 
 def about(comparison: ComparedRuns) -> str:
@@ -66,6 +69,8 @@ def about(comparison: ComparedRuns) -> str:
         sentences.append(ABOUT_SHARES)
     if any(row.by == BLOCKS for row in comparison.rows):
         sentences.append(ONE_RUN)
+    if any(row.difference is not None and not (row.by or row.verdict) for row in comparison.rows):
+        sentences.append(ABOUT_NO_INTERVAL)
     if any(row.by == SEEDS and not has_interval(row.n) for row in comparison.rows):
         sentences.append(f"No intervals of fewer than {MIN_SEEDS} seeds.")
     if any(row.verdict == "negligible" for row in comparison.rows):
@@ -80,18 +85,17 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
     """Each metric of each arm that is compared, beside that of the arm it is compared with, and the
     difference with its interval.
     """
-    titles = {arm.label: arm.title for arm in comparison.arms}
     rows = []
     for row in comparison.rows:
-        if row.against:
+        if row.against is not None:
             metric = row.about
             cells = [
-                Cell(titles[row.arm]),
+                Cell(row.arm.title),
                 metric.cell(row.value),
-                Cell(titles[row.against]),
+                Cell(row.against.title),
                 metric.cell(row.against_value),
                 metric.cell(row.difference, row.low, row.high, sign="+"),
-                Cell(row.verdict or None),
+                Cell(row.verdict or (None if row.difference is None else NO_INTERVAL)),
             ]
             rows.append(Row(metric.label, cells))
     return ResultTable(COLUMNS, rows, corner="metric")

@@ -156,7 +156,7 @@ class Metric:
         Returns its number of some rows: a ``Sample``, or an ``Estimate`` without an interval;
         ``None`` where it has none there.
     kind : str
-        What the formula is given, one of ``registry.KINDS``: ``frames``, ``lookups`` and so on.
+        What the formula is given, one of ``metrics.KINDS``: ``frames``, ``lookups`` and so on.
     tier : int
         Where it is shown: ``HEADLINE`` in sentences, ``SHORT`` on a terminal after a run and in
         figures for papers, ``MAIN`` in tables and comparisons, ``REST`` in ``summary.md`` and

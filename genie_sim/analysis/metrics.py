@@ -8,30 +8,91 @@ stands for. Over several seeds it is ``tidy.across_seeds``.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import frame_metrics
 from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample
-from genie_sim.analysis.registry import METRICS, MODULES, own_metrics
+from genie_sim.analysis.registry import METRICS, MODULES, OWN, WORDS, check_words
 from genie_sim.analysis.statistics import Estimate
-from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of, unknown
 from genie_sim.base.plugins import is_own, own_faults_told
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
+from genie_sim.record.records import ANSWERS, FRAMES, HELD, LOOKUPS
 from genie_sim.record.results import MethodInfo, MetricValue
+from genie_sim.record.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    Table = Columns | pd.DataFrame
+    Recorded = Columns | pd.DataFrame
+
+
+KINDS = tuple(dict.fromkeys(metric.kind for metric in METRICS.values()))
+# The kinds of formulas that are given rows of a table, and which.
+ROWS = {
+    "frames": FRAMES,
+    "frames of a phase": FRAMES,
+    "lookups": LOOKUPS,
+    "answers": ANSWERS,
+    "hits": ANSWERS,
+    "held": HELD,
+    "held in a phase": HELD,
+    "laps": HELD,
+}
+OF_NO_ROWS = (LookupError, ValueError, ArithmeticError)  # what a right formula may raise there
+
+
+def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
+    """Metrics of the user's own, each ``package.module:name`` of a ``metric.Metric``. Formulas are
+    tried on a table without rows, so that a wrong column is told before anything is simulated.
+    Raises ``UserError``.
+    """
+    own: dict[str, Metric] = {}
+    for name in names:
+        metric = plugins.resolve("metric", name, {})
+        if not isinstance(metric, Metric):
+            base = f"{Metric.__module__}.{Metric.__name__}"
+            raise UserError(f"metric {name!r}: is no {base}, but {short_repr(metric)}")
+        if metric.kind not in KINDS:
+            raise UserError(f"metric {name!r}: kind: {unknown('kind', metric.kind, KINDS)}")
+        check_words(f"metric {name!r}", vars(metric))
+        titles = {known.title: other for other, known in {**METRICS, **own}.items()}
+        if metric.title in titles:
+            text = f"title: {metric.title!r} is that of {titles[metric.title]}, too"
+            raise UserError(f"metric {name!r}: {text}")
+        if metric.kind in ROWS:
+            try:
+                _number(name, metric, Table(ROWS[metric.kind]).columns(), intervals=False)
+            except UserError as error:
+                if not isinstance(error.__cause__, OF_NO_ROWS):
+                    raise
+        own[name] = replace(metric, section=metric.section or OWN)
+    return own
+
+
+def with_formulas(names: Collection[str]) -> dict[str, Metric]:
+    """Metrics by their names; those of the user's own with their code, where that may run."""
+    known = {name: METRICS[name] for name in names if name in METRICS}
+    for name in filter(is_own, names):
+        with suppress(UserError):
+            known |= own_metrics([name])
+    return known
+
+
+def words_of_code(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """What metrics of the user's own say of themselves, where their code may run."""
+    own = with_formulas([*filter(is_own, names)])
+    return {name: {key: getattr(metric, key) for key in WORDS} for name, metric in own.items()}
 
 
 def compute(
     methods: Sequence[MethodInfo],
-    tables: "Mapping[str, Table]",
+    tables: "Mapping[str, Recorded]",
     *,
     intervals: bool = True,
     own: Sequence[str] = (),

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.compare import ComparedRuns, Difference, paired_by
+from genie_sim.analysis.compare import ComparedRuns, Difference
 from genie_sim.analysis.drawing import (
     MAX_COLUMN_IN,
     draw_point,
@@ -226,10 +226,9 @@ def differences(
     """
     rows = [row for row in comparison.rows if row.difference is not None]
     metrics = shown(SHORT, [row.metric for row in rows])
-    arms = [arm for arm in comparison.arms if any(row.arm == arm.label for row in rows)]
+    arms = [arm for arm in comparison.arms if any(row.arm is arm for row in rows)]
     labels = [arm.label for arm in comparison.arms]
     styles = dict(zip(labels, style.method_styles(labels), strict=True))
-    titles = {arm.label: arm.title for arm in comparison.arms}
     width_in = width_in or PAGE_IN
     narrow = is_narrow(width_in)
     most = MAX_COLUMNS - 1 if narrow and len(arms) <= FEW_ARMS else MAX_COLUMNS
@@ -248,15 +247,15 @@ def differences(
             axis.remove()
             continue
         of_metric = {row.arm: row for row in rows if row.metric == metrics[number]}
-        drawn = [of_metric.get(arm.label) for arm in arms]
+        drawn = [of_metric.get(arm) for arm in arms]
         _draw_differences(axis, drawn, [styles[arm.label] for arm in arms])
         axis.set_xlabel(_label(abouts[metrics[number]], narrow))
         axis.set_title(titles_of[number])
         name_rows(axis, [arm.title if number % columns == 0 else "" for arm in arms])
-    references = list(dict.fromkeys(titles[row.against] for row in rows))
+    references = list(dict.fromkeys(row.against.title for row in rows if row.against))
     against = references[0] if len(references) == 1 else "the first setting"
     note, title = f"difference from {against}" if rows else "", "Paired differences"
-    if by := paired_by(rows).replace(" ", "\u00a0"):  # on one line
+    if by := comparison.units.replace(" ", "\u00a0"):  # on one line
         note, title = f"{note}, 95 % intervals paired by {by}", f"{title} with 95 % intervals"
     finish(figure, title, footer, note=note)
     return figure

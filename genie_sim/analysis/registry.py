@@ -8,8 +8,6 @@ results in which it has numbers.
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 from genie_sim.analysis import (
@@ -22,8 +20,7 @@ from genie_sim.analysis import (
 )
 from genie_sim.analysis.metric import HIGHER, LOWER, Metric
 from genie_sim.analysis.result_table import Cell
-from genie_sim.base import plugins
-from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.plugins import is_own
 from genie_sim.base.text import one_line
 from genie_sim.record.records import ZERO_DELAY
@@ -62,30 +59,8 @@ METRICS: Mapping[str, Metric] = {
 }
 
 
-KINDS = tuple(dict.fromkeys(metric.kind for metric in METRICS.values()))
 Words = Mapping[str, Mapping[str, Any]]  # what results say of each metric, by its name
 NO_WORDS: Words = {}
-
-
-def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
-    """Metrics of the user's own, each ``package.module:name`` of a ``metric.Metric``. Raises
-    ``UserError``.
-    """
-    own: dict[str, Metric] = {}
-    for name in names:
-        metric = plugins.resolve("metric", name, {})
-        if not isinstance(metric, Metric):
-            base = f"{Metric.__module__}.{Metric.__name__}"
-            raise UserError(f"metric {name!r}: is no {base}, but {short_repr(metric)}")
-        if metric.kind not in KINDS:
-            raise UserError(f"metric {name!r}: kind: {unknown('kind', metric.kind, KINDS)}")
-        _check_words(f"metric {name!r}", vars(metric))
-        titles = {known.title: other for other, known in {**METRICS, **own}.items()}
-        if metric.title in titles:
-            text = f"title: {metric.title!r} is that of {titles[metric.title]}, too"
-            raise UserError(f"metric {name!r}: {text}")
-        own[name] = replace(metric, section=metric.section or OWN)
-    return own
 
 
 def words(names: Iterable[str], own: Words = NO_WORDS) -> dict[str, dict[str, Any]]:
@@ -94,12 +69,6 @@ def words(names: Iterable[str], own: Words = NO_WORDS) -> dict[str, dict[str, An
         name: {key: getattr(definition(name, own), key) for key in WORDS}
         for name in dict.fromkeys(names)
     }
-
-
-def words_of_code(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The same of the user's own, where their code may run."""
-    own = {name: metric for name, metric in with_formulas(names).items() if name not in METRICS}
-    return {name: {key: getattr(metric, key) for key in WORDS} for name, metric in own.items()}
 
 
 def checked_words(told: object, where: str) -> dict[str, dict[str, Any]]:
@@ -114,7 +83,7 @@ def checked_words(told: object, where: str) -> dict[str, dict[str, Any]]:
             continue
         if not isinstance(told_of, dict):
             raise UserError(f"{where}: {name}: must be a mapping, not {short_repr(told_of)}")
-        _check_words(f"{where}: {name}", told_of)
+        check_words(f"{where}: {name}", told_of)
         own[name] = {
             key: one_line(value) if isinstance(value, str) else value
             for key, value in told_of.items()
@@ -123,8 +92,10 @@ def checked_words(told: object, where: str) -> dict[str, dict[str, Any]]:
     return own
 
 
-def _check_words(where: str, words_of: Mapping[str, Any]) -> None:
-    """Raises ``UserError`` for what is not said of a metric as it should be."""
+def check_words(where: str, words_of: Mapping[str, Any]) -> None:
+    """Raises ``UserError``, which begins with ``where`` it stands, for what is not said of a metric
+    as it should be.
+    """
     for key, kind in WORDS.items():
         if type(words_of.get(key)) is not kind:
             value = short_repr(words_of.get(key))
@@ -134,16 +105,6 @@ def _check_words(where: str, words_of: Mapping[str, Any]) -> None:
     if words_of["better"] not in ("", LOWER, HIGHER):
         choices = f"{LOWER}, {HIGHER}, or empty where neither is"
         raise UserError(f"{where}: better: {short_repr(words_of['better'])}; known: {choices}")
-
-
-def with_formulas(names: Iterable[str]) -> dict[str, Metric]:
-    """Metrics by their names; those of the user's own with their code, where that may run."""
-    names = list(names)
-    found = {name: METRICS[name] for name in names if name in METRICS}
-    for name in filter(is_own, names):
-        with suppress(UserError):
-            found |= own_metrics([name])
-    return found
 
 
 def shown(tier: int, measured: Iterable[str]) -> list[str]:

@@ -15,12 +15,10 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance, results
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
-from genie_sim.record.tables import other_format
 
-ABOUT = "sweep.json"  # what a study says of itself
-FORMAT = 3  # of that, and of its tables
+SWEEP_FILE = "sweep.json"  # what a study says of itself
 RUNS = "runs"  # the folder of whole results
-KINDS: Mapping[str, tuple[type, str]] = {  # what a study may say of itself
+STUDY_FIELDS: Mapping[str, tuple[type, str]] = {  # what a study may say of itself
     "run_ids": (list, "a list"),
     "methods": (list, "a list"),
     "titles": (dict, "a mapping"),
@@ -175,7 +173,7 @@ def load_run(folder: Path) -> Run:
 
 def load_seeds(folder: Path) -> SeedRuns:
     """The runs of a study without axes. Raises ``UserError``."""
-    about, where = read_about(folder), folder / ABOUT
+    about, where = read_about(folder), folder / SWEEP_FILE
     label = results.checked_label(about.get("label", ""), f"{where}: label")
     seeds = about["sweep"].get("seeds")
     if not isinstance(seeds, list) or not seeds or not all(type(seed) is int for seed in seeds):
@@ -196,13 +194,12 @@ def folder_name(seed: int) -> str:
 
 def read_about(folder: Path) -> dict[str, Any]:
     """What a study says of itself. Raises ``UserError``, also for another folder."""
-    path = provenance.contained(folder, ABOUT)
+    path = provenance.contained(folder, SWEEP_FILE)
     about = provenance.read_json(path)
     if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
         raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-    if about.get("format") != FORMAT:
-        raise UserError(other_format(path, about.get("format"), FORMAT))
-    for name, (kind, what) in KINDS.items():
+    provenance.check_format(path, about)
+    for name, (kind, what) in STUDY_FIELDS.items():
         if type(about.setdefault(name, kind())) is not kind:
             raise UserError(f"{path}: {name}: not {what}")
     return about

@@ -4,7 +4,7 @@ much, and how sure that is.
 
 from collections.abc import Sequence
 
-from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference
+from genie_sim.analysis.compare import Arm, ComparedRuns, Difference
 from genie_sim.analysis.metric import HEADLINE
 from genie_sim.analysis.registry import shown
 from genie_sim.base.text import number_text
@@ -12,18 +12,20 @@ from genie_sim.base.text import number_text
 
 def verdicts(comparison: ComparedRuns) -> list[str]:
     """A sentence for each arm that is compared with another."""
-    titles = {arm.label: arm.title for arm in comparison.arms}
     sentences = []
     for arm in comparison.arms:
-        rows = {row.metric: row for row in comparison.rows if row.arm == arm.label and row.against}
+        rows = {
+            row.metric: row
+            for row in comparison.rows
+            if row.arm is arm and row.difference is not None
+        }
         headlines = [rows[name] for name in shown(HEADLINE, rows)]
-        headlines = [row for row in headlines if row.difference is not None]
-        if headlines:
-            sentences.append(_sentence(titles[arm.label], titles[headlines[0].against], headlines))
+        if headlines and arm.against is not None:
+            sentences.append(_sentence(arm, arm.against, headlines))
     return sentences
 
 
-KINDS = {  # of a verdict: how a part of the sentence begins, and what stands before the reference
+PHRASES = {  # of a verdict: how a part of the sentence begins, and what stands before the reference
     "better": ("better", "than"),
     "worse": ("worse", "than"),
     "different": ("different", "from"),
@@ -34,23 +36,19 @@ KINDS = {  # of a verdict: how a part of the sentence begins, and what stands be
 }
 
 
-def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
+def _sentence(arm: Arm, reference: Arm, rows: Sequence[Difference]) -> str:
     parts: list[str] = []
-    for verdict, (begin, before) in KINDS.items():
+    for verdict, (begin, before) in PHRASES.items():
         of_kind = [row for row in rows if row.verdict == verdict]
         if of_kind:
-            to = "" if parts else f" {before} {reference}"
+            to = "" if parts else f" {before} {reference.title}"
             titles = [row.about.title for row in of_kind]
             listed = _joined(titles) if verdict == "equal" else _listed(of_kind)
             parts.append(f"{begin}{to} in {listed}")
     sure = next((row for row in rows if row.low is not None and row.verdict != "equal"), None)
-    sureness = f"; {_sureness(sure)}" if sure is not None else ""
-    return f"{arm} is {'; '.join(parts)}{sureness}."
-
-
-def _sureness(row: Difference) -> str:
-    what = "seeds" if row.by == SEEDS else "blocks (1 s of one car each) of one seed"
-    return f"95 % intervals of paired differences, over {row.n} {what}"
+    if sure is not None:
+        parts.append(f"95 % intervals of paired differences, over {sure.n} {sure.by}")
+    return f"{arm.title} is {'; '.join(parts)}."
 
 
 def _listed(rows: Sequence[Difference]) -> str:

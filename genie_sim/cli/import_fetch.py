@@ -25,7 +25,7 @@ from genie_sim.cli.terminal import ProgressBar
 )
 def fetch(what: str, name: str, out: Path | None) -> None:
     """Take the files of a detector or a drive from the network. No other command touches it."""
-    from genie_sim.data.importers import fetch as network
+    from genie_sim.data import fetch as network
 
     if what not in ("model", "drive"):
         raise UserError(unknown("kind of thing to fetch", what, ("model", "drive")))

@@ -370,7 +370,8 @@ class GenieNode:
         in_view = self.object_map.in_view(
             request.pose, request.horizontal_fov_rad, self.rules.view_range_m
         )
-        answer = self._make_answer(request.header, tuple(entry.as_detection() for entry in in_view))
+        objects = tuple([entry.as_detection() for entry in in_view])
+        answer = self._make_answer(request.header, objects)
         return [Publish(topic, answer.credited("map", self.name)) for topic in self._outputs]
 
     def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:

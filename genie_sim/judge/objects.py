@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Sequence
-from itertools import chain
+from itertools import chain, compress
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -51,10 +51,10 @@ class ShownObjects(NamedTuple):
         each list.
         """
         objects = list(chain.from_iterable(lists))
-        placed = [item for item in objects if item.location is not None]
-        counts = [len(of_list) for of_list in lists]
-        if len(placed) < len(objects):
-            counts = [sum(item.location is not None for item in of_list) for of_list in lists]
+        is_placed = [item.location is not None for item in objects]
+        placed = list(compress(objects, is_placed))
+        ends = np.cumsum([0, *map(len, lists)])
+        counts = np.diff(np.cumsum([0, *is_placed])[ends])
         codes = array("q", chain.from_iterable([labels[label] for label in map(_label, placed)]))
         places = array("d", chain.from_iterable(map(_location, placed)))
         velocities_mps = np.zeros((len(placed), 2))
@@ -68,4 +68,4 @@ class ShownObjects(NamedTuple):
             *np.frombuffer(places).reshape(-1, 3).T[:2],
             *velocities_mps.T,
         )
-        return columns, np.array(counts, dtype=np.int64)
+        return columns, counts

@@ -7,7 +7,7 @@ is tested.
 import logging
 import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,16 +95,15 @@ class Reproduction(Suggesting, Result):
 
     @cached_property
     def cells(self) -> Mapping[str, Mapping[int, Run]]:
-        """Each scenario of the paper as runs by seed, with the numbers of methods as a whole."""
-        facts = {
-            "scenario": {"name": "evaluation"},
-            "devices": {},
-            "genie_sim": self.about["genie_sim"],
-            "methods": [asdict(method) for method in numbers.METHODS],
-        }
-        run_id = provenance.run_id({"sources": self.about.get("sources")})
-        like = Run(run_id, facts, "", {}, ())
-        return cells_of(self.numbers[self.numbers["variant"] == BASE], ["scenario"], like)
+        """Each scenario of the paper; see ``cells_of``."""
+        return cells_of(
+            self.numbers[self.numbers["variant"] == BASE],
+            ["scenario"],
+            numbers.METHODS,
+            name="evaluation",
+            genie_sim=self.about["genie_sim"],
+            origin=self.about.get("sources"),
+        )
 
     def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Reproduction":
         """Itself: its figures and its table are of claims. Raises ``UserError`` for anything
@@ -212,7 +211,7 @@ def reproduce(
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
         measured, curve_points = runs.simulate(planned, store, workers or workers_here(), progress)
     about = {
-        "format": printed.FORMAT,
+        "format": provenance.RESULT_FORMAT,
         "quick": quick,
         "seeds": list(seed_numbers),
         "sources": sources.digests(),

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.base.errors import UserError, unknown
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -89,8 +91,10 @@ class Text:
 
 
 class Columns:
-    """Columns of equal length by name: numpy arrays, and ``Text``. An unknown number is NaN, an
-    unknown flag None.
+    """Columns of equal length by name: numpy arrays, and ``Text``.
+
+    What is not known is NaN in a column of numbers, which is then one of floats, None in one of
+    flags, which is then one of objects, and ``NO_TEXT`` among the codes of a text.
 
     ``rows`` are the indices of the rows of this view; ``None`` for all rows. A column is copied
     when it is first asked for.
@@ -109,6 +113,8 @@ class Columns:
         return cls({str(name): _column(table[name]) for name in table})
 
     def __getitem__(self, name: str) -> Any:
+        if name not in self._columns:
+            raise UserError(unknown("column", name, self._columns))
         if self._rows is None:
             return self._columns[name]
         if name not in self._copies:

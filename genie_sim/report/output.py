@@ -39,7 +39,7 @@ class Output:
     def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
         """The same, each by an ``attempt`` of ``derived``."""
         from genie_sim.analysis import summary
-        from genie_sim.report import comparison, html_page, template
+        from genie_sim.report import pages, template
 
         with attempt("summary.md"):
             write_summary(folder / "summary.md", summary.markdown(results))
@@ -53,9 +53,9 @@ class Output:
         if self.page:
             with attempt(template.NAME):
                 if isinstance(results, SeedRuns):
-                    page = comparison.seeds_page(results, drawn)
+                    page = pages.of_seeds(results, drawn)
                 else:
-                    page = html_page.page(results, drawn=drawn)
+                    page = pages.of_run(results, drawn=drawn)
                 template.write(folder / template.NAME, page)
 
 

@@ -131,7 +131,7 @@ def simulate_into(
 
 def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -> Run:
     """The run that wrote these tables."""
-    from genie_sim.analysis import metrics, registry
+    from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
     measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
@@ -142,7 +142,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -
         tables=columns,
         measured=measured,
         label=label,
-        words=registry.words_of_code(prepared.scenario.metrics),
+        words=metrics.words_of_code(prepared.scenario.metrics),
     )
 
 

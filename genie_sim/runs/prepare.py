@@ -75,7 +75,7 @@ def prepare(
         starts_ns = {car.name: scenario.start_ns(car) for car in scenario.cars}
         owner = plugins.own_label("frame source", scenario.perception.name)
         if scenario.metrics:
-            from genie_sim.analysis.registry import own_metrics
+            from genie_sim.analysis.metrics import own_metrics
 
             own_metrics(scenario.metrics)
         source: FrameSource = FRAME_SOURCE.make(scenario.perception)

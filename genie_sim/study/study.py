@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from genie_sim.analysis import registry, renderers
-from genie_sim.analysis.seed_runs import ABOUT, FORMAT, load_seeds, read_about
+from genie_sim.analysis import metrics, registry, renderers
+from genie_sim.analysis.seed_runs import SWEEP_FILE, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import folders, provenance
-from genie_sim.report import html_page, template
+from genie_sim.report import pages, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
@@ -148,7 +148,7 @@ class Study:
             for run in runs.runs if output.page else ():
                 if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
-                        html_page.write(page, run)
+                        template.write(page, pages.of_run(run))
             output.make(runs, self.folder, attempt)
 
     @property
@@ -172,7 +172,7 @@ class Study:
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, self._parts.read(self.plan.runs.keys()))
         crossed = [self.design.columns[name] for name in self.design.crossed]
-        about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
+        about = json.dumps({"sweep": self._settings()}, sort_keys=True).encode()
         tables.write_parquet(runs, self.folder / "runs.parquet", about)
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (
@@ -201,7 +201,7 @@ class Study:
     def _words(self) -> registry.Words:
         """What metrics of the user's own say of themselves."""
         own = [name for run in self.plan.runs.values() for name in run.scenario.metrics]
-        return registry.words_of_code(dict.fromkeys(own))
+        return metrics.words_of_code(dict.fromkeys(own))
 
     def _titles(self) -> dict[str, str]:
         """What pages call each method."""
@@ -218,7 +218,7 @@ class Study:
     def _write_about(self) -> None:
         table_names = [name for name in TABLES if (self.folder / name).is_file()]
         about = {
-            "format": FORMAT,
+            "format": provenance.RESULT_FORMAT,
             **({"label": self.label} if self.label else {}),
             "sweep": self._settings(),
             "points": self.design.runs // len(self.design.seeds),
@@ -230,7 +230,7 @@ class Study:
             "digests": provenance.digests(self.folder, table_names),
             **provenance.environment(),
         }
-        with atomic_write(self.folder / ABOUT) as beside:
+        with atomic_write(self.folder / SWEEP_FILE) as beside:
             provenance.write_json(beside, about, sort_keys=False)  # axes keep their order
 
 
@@ -242,7 +242,7 @@ def check_folder(folder: Path) -> None:
         if folder.is_dir() and any(folder.iterdir()):
             read_about(folder)
     except (OSError, UserError) as error:
-        is_sweep = (folder / ABOUT).is_file()
+        is_sweep = (folder / SWEEP_FILE).is_file()
         problem = str(error) if is_sweep else f"{folder}: holds something else than a sweep"
     if problem:
         raise UserError(f"{problem}; choose another --out")
@@ -253,7 +253,7 @@ def folder_of(folder: Path, planned: Plan) -> Path:
     grows. Another one has a folder of its own beside it, so that nothing is overwritten. Raises
     ``UserError``.
     """
-    if not (folder / ABOUT).exists():
+    if not (folder / SWEEP_FILE).exists():
         return folder
     about = read_about(folder)
     if not about.get("digests") or {*about["run_ids"]} <= planned.runs.keys():

@@ -18,7 +18,7 @@ from genie_sim.analysis.registry import (
     shown,
 )
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.analysis.seed_runs import ABOUT, read_about
+from genie_sim.analysis.seed_runs import SWEEP_FILE, read_about
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base import parquet
 from genie_sim.base.errors import Suggesting, UserError, unknown
@@ -26,6 +26,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
 from genie_sim.record.results import (
+    MethodInfo,
     Run,
     checked_label,
 )
@@ -92,7 +93,7 @@ class Sweep(Suggesting, Result):
     def read(cls, folder: Path) -> "Sweep":
         """See ``Result``."""
         with provenance.of_this_version(folder):
-            about, path = read_about(folder), folder / ABOUT
+            about, path = read_about(folder), folder / SWEEP_FILE
             runs, points = (_table(provenance.contained(folder, name)) for name in READ)
             own = checked_words(about.get("metrics", {}), f"{path}: metrics")
             about = {**about, "metrics": own}
@@ -160,22 +161,17 @@ class Sweep(Suggesting, Result):
 
     @cached_property
     def cells(self) -> Mapping[str, Mapping[int, Run]]:
-        """Each point by the values of its axes, as runs by seed that have the numbers of methods as
-        a whole, and no tables.
-        """
-        facts = {
-            "scenario": {"name": self.design.name},
-            "devices": {},
-            "genie_sim": self.about["genie_sim"],
-            "methods": [
-                {"name": name, "title": title, "baseline": False}
-                for name, title in self.titles.items()
-            ],
-        }
-        run_id = provenance.run_id({"run_ids": self.about["run_ids"]})
-        like = Run(run_id, facts, "", {}, (), label=self.label)
-        like = replace(like, words=self.words)
-        return cells_of(self.every_run, self.axes, like)
+        """Each point by the values of its axes; see ``cells_of``."""
+        return cells_of(
+            self.every_run,
+            self.axes,
+            [MethodInfo(name, title, baseline=False) for name, title in self.titles.items()],
+            name=self.design.name,
+            genie_sim=self.about["genie_sim"],
+            origin=self.about["run_ids"],
+            label=self.label,
+            words=self.words,
+        )
 
     def differences(self, along: str, to: Any) -> "pd.DataFrame":
         """Paired differences, seed by seed, with 95 % t intervals: of every value of the column
@@ -267,11 +263,11 @@ class Sweep(Suggesting, Result):
 
     def page(self) -> str:
         """The text of a page about the sweep: its main metrics, and its figures."""
-        from genie_sim.report import comparison
+        from genie_sim.report import pages
 
         with provenance.of_this_version(self.folder):
             arms = list(self.titles.values())
-            return comparison.page_of_table(self._table(), arms, self.footer, self.figures())
+            return pages.of_table(self._table(), arms, self.footer, self.figures())
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """A line for each run whose metrics differ, and one for all."""
@@ -283,7 +279,7 @@ class Sweep(Suggesting, Result):
             raise UserError("rerun: the result has no folder")
         with provenance.of_this_version(self.folder):
             methods = self.about["methods"]
-        planned = plan(self.design, str(self.folder / ABOUT), methods=methods)
+        planned = plan(self.design, str(self.folder / SWEEP_FILE), methods=methods)
         parts = Parts(self.folder)
         if unknown_runs := planned.runs.keys() - parts.done(planned.runs):
             place = planned.runs[min(unknown_runs)].place

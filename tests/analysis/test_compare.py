@@ -19,8 +19,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Run
-from genie_sim.report import comparison
+from genie_sim.record.results import MethodInfo, Run
+from genie_sim.report import comparison, pages
 from genie_sim.report.output import Output
 from genie_sim.report.result import cells_of
 from genie_sim.runs.folder import run_in_memory, run_to_folder
@@ -48,9 +48,7 @@ def slower() -> list[Run]:
 
 def row(rows: list[Difference], metric: str, arm: str) -> Difference:
     (found,) = (
-        one
-        for one in rows
-        if (one.metric, one.arm.rpartition(": ")[2]) == (metric, arm) and one.against
+        one for one in rows if (one.metric, one.arm.method.name) == (metric, arm) and one.against
     )
     return found
 
@@ -71,14 +69,14 @@ def test_its_numbers_are_those_of_the_run(usual: list[Run]):
         one.metric for one in made.rows
     }
     for one in made.rows:
-        assert one.value == pytest.approx(measured(usual[0], one.metric, one.arm))
+        assert one.value == pytest.approx(measured(usual[0], one.metric, one.arm.label))
 
 
 def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Run]):
     made = compare(usual[:1], ["remote", "genie"])
     assert [arm.label for arm in made.arms] == ["remote", "genie"] and not made.settings
     found = row(list(made.rows), "first_answer_mean", "genie")
-    assert (found.by, found.against, found.n) == (BLOCKS, "remote", 4), (
+    assert (found.by, found.against, found.n) == (BLOCKS, made.arms[0], 4), (
         "three seconds, begun within one"
     )
     gap = measured(usual[0], "first_answer_mean", "genie") - measured(
@@ -148,7 +146,7 @@ def test_each_method_is_compared_with_itself_under_the_first_setting(
     usual: list[Run], slower: list[Run]
 ):
     made = compare([usual[0], slower[0]], ["remote", "genie"])
-    pairs = {(one.arm, one.against) for one in made.rows if one.against}
+    pairs = {(one.arm.label, one.against.label) for one in made.rows if one.against}
     first, second = made.names
     assert pairs == {(f"{second}: {name}", f"{first}: {name}") for name in ("remote", "genie")}
     titles = [arm.title for arm in made.arms]
@@ -163,7 +161,7 @@ def test_settings_are_called_by_what_differs_where_that_is_short(
     made = compare([*usual, *slower], ["remote"])
     assert list(made.names) == ["device quadro_rtx_4000", "device jetson_tx2"]
     table = compare_tables.pairs(made)
-    assert renderers.html_table(table) in comparison.page(made, {})
+    assert renderers.html_table(table) in pages.of_comparison(made, {})
     rows = {(metric, arm): cells for metric, arm, *cells in table.texts()}
     assert {arm for _, arm in rows} == {"device jetson_tx2: remote (R)"}, (
         "the first has nothing to be compared with"
@@ -173,7 +171,7 @@ def test_settings_are_called_by_what_differs_where_that_is_short(
     theirs = next(one for one in made.rows if one.metric == "first_answer_mean" and not one.against)
     assert mean[:3] == [
         f"{gap.value:.3g}",
-        theirs.arm.replace("remote", "remote (R)"),
+        theirs.arm.title,
         f"{theirs.value:.3g}",
     ]
     assert mean[3].startswith(f"{gap.difference:+.3g} (")
@@ -262,7 +260,7 @@ def read_again(run: Run, **scenario: object) -> Run:
 def test_runs_that_read_other_data_are_two_settings(usual: list[Run]):
     made = compare([usual[0], read_again(usual[0])])
     assert len(made.names) == 2 and list(made.settings) == ["traces.car1"]
-    assert '<h2 id="h-figures">' not in comparison.page(made, {}), "no heading of nothing"
+    assert '<h2 id="h-figures">' not in pages.of_comparison(made, {}), "no heading of nothing"
     with pytest.raises(UserError, match="no seed in common"):
         compare([usual[0], read_again(usual[1])])
 
@@ -289,21 +287,14 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     table = axes.to_frame(index=False, name=["rate", "seed", "method"])
     table = table.assign(metric="streaming_f1", placement="all", component="", n=100)
     table["value"] = table["rate"] + np.where(table["method"] == "genie", 0.25, 0.0)
-    facts = {
-        "scenario": {"name": "s"},
-        "devices": {},
-        "genie_sim": "1",
-        "methods": [
-            {"name": name, "title": name, "baseline": False} for name in ("remote", "genie")
-        ],
-    }
-    like = Run("0" * 12, facts, "", {}, ())
-    sweep = Cells(cells_of(table, ["rate"], like))
+    methods = [MethodInfo(name, name, baseline=False) for name in ("remote", "genie")]
+    about = {"name": "s", "genie_sim": "1", "origin": []}
+    sweep = Cells(cells_of(table, ["rate"], methods, **about))
     gains = [one.difference for one in compare([sweep]).rows if one.against]
     assert gains == pytest.approx([0.25, 0.25])
-    again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], like))
+    again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     made = compare([sweep, again], labels=["a", "b"])
-    rows = {one.arm: one.difference for one in made.rows if one.against}
+    rows = {one.arm.label: one.difference for one in made.rows if one.against}
     assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4
     assert not made.settings
 
@@ -314,9 +305,9 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     pairs = [one for one in rows if one["against"]]
     values = {(one["metric"], one["method"]): one["value"] for one in rows if not one["against"]}
     for one in made.rows:
-        assert float(values[one.metric, one.arm]) == pytest.approx(one.value, rel=1e-9)
+        assert float(values[one.metric, one.arm.label]) == pytest.approx(one.value, rel=1e-9)
     assert [(one["metric"], one["method"], one["against"], one["verdict"]) for one in pairs] == [
-        (one.metric, one.arm, one.against, one.verdict)
+        (one.metric, one.arm.label, one.against.label, one.verdict)
         for one in made.rows
         if one.difference is not None
     ]

@@ -73,12 +73,17 @@ def test_parts_of_the_time():
 
 
 def test_differences():
+    first = Arm(MethodInfo("a", "A", False), {})
+    others = {name: Arm(MethodInfo(name, name.upper(), False), {}, against=first) for name in "bc"}
+
     def row(metric: str, arm: str, difference: float, reach: float | None) -> Difference:
         low, high = (None, None) if reach is None else (difference - reach, difference + reach)
         about = registry.definition(metric)
-        return Difference(metric, arm, 1.0, about, "a", 1.0, difference, low, high, by=SEEDS, n=5)
+        return Difference(
+            metric, others[arm], 1.0, about, 1.0, difference, low, high, by=SEEDS, n=5
+        )
 
-    arms = [Arm(name, name.upper(), MethodInfo(name, name.upper(), False), {}) for name in "abc"]
+    arms = [first, *others.values()]
     rows = [
         row("first_answer_mean", "b", -340.0, 6.0),
         row("first_answer_mean", "c", 12.5, 30.0),

@@ -10,16 +10,18 @@ from genie_sim.analysis.points import differences
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.record.results import MethodInfo
 
+FIRST = Arm(MethodInfo("a", "A", False), {})
+SECOND = Arm(MethodInfo("b", "B", False), {}, against=FIRST)
+
 
 def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:
     about = registry.definition(metric)
     by = SEEDS if low is not None else ""
-    return Difference(metric, "b", 1.0, about, "a", 1.0, difference, low, high, by=by, n=5)
+    return Difference(metric, SECOND, 1.0, about, 1.0, difference, low, high, by=by, n=5)
 
 
 def comparison(*rows: Difference) -> ComparedRuns:
-    arms = [Arm(name, name.upper(), MethodInfo(name, name.upper(), False), {}) for name in "ab"]
-    return ComparedRuns(arms, list(rows), ["town"], {})
+    return ComparedRuns([FIRST, SECOND], list(rows), ["town"], {})
 
 
 @pytest.mark.parametrize(
@@ -95,7 +97,7 @@ def test_without_an_interval_seeds_are_equal_where_each_is(of_seeds, verdict):
 
 
 def test_a_row_without_a_reference_has_no_verdict():
-    alone = Difference("first_answer_mean", "b", 1.0, registry.definition("first_answer_mean"))
+    alone = Difference("first_answer_mean", FIRST, 1.0, registry.definition("first_answer_mean"))
     assert alone.verdict == ""
 
 

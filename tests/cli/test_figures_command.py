@@ -11,7 +11,7 @@ import pytest
 import genie_sim as gs
 from genie_sim.cli.main import main
 
-WINDOW = {"cars[0].route.window": ["0 s", "1 s"]}
+WINDOW = {"cars[*].route.window": ["0 s", "1 s"]}
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def size_in(path: str) -> list[float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["latency_cdf", "image_reuse", "confidence_boost"])
+@pytest.mark.parametrize("name", ["latency_cdf", "confidence_boost"])
 def test_one_figure_of_several_results_fits_a_column(folders, name, capsys):
     line = ["--only", name, "--methods", "genie,remote", "--label", "one", "--label", "two"]
     assert main(["figures", *folders, *line, "--width", "3.5", "--out", "f.svg"]) == 0

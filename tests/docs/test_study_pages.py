@@ -9,6 +9,7 @@ from tests.checkout import REPOSITORY
 from tools.page_tables import filled
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_numbers_of_its_studies(monkeypatch: pytest.MonkeyPatch):
     """If not, ``python -m studies.pages`` writes the tables."""
     monkeypatch.chdir(REPOSITORY)

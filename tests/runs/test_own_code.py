@@ -235,7 +235,7 @@ def test_whatever_code_of_ones_own_raises_is_told_as_its_own(
     )
     (tmp_path / "strange.py").write_text(text.replace('raise KeyError("why")', raised))
     sys.modules.pop("strange", None)
-    short = ["--no-report", "--set", "cars[0].route.window=[0 s, 1 s]"]
+    short = ["--no-report", "--set", "cars[0].route.window=[0 s, 1 s]", "--methods", "genie"]
     assert main(["run", "street_1car_homo", *short, "--set", "genie.eviction=strange:Keep"]) == 1
     line = f"eviction 'strange:Keep': {STRANGE[raised]} (strange.py, line "
     assert capsys.readouterr().err.startswith(f"genie-sim: {line}")

@@ -24,8 +24,8 @@ from genie_sim.cli.main import main
 from genie_sim.record.provenance import digests
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
-from genie_sim.report.html_page import write
-from genie_sim.report.template import NAME
+from genie_sim.report import pages
+from genie_sim.report.template import NAME, write
 from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -217,7 +217,7 @@ def options(folder: Path) -> Case:
         stopped = (
             "runs.folder.run_to_folder",
             "paper.reproduce.reproduce",
-            "data.importers.fetch.receive",
+            "data.fetch.receive",
             "scenario.device_fit.measure",
             "study.study.Study.run",
         )
@@ -285,7 +285,7 @@ def result_folders(folder: Path) -> Case:
             ):
                 rerun(run)
         elif what == 1:
-            write(folder / NAME, load_run(run))
+            write(folder / NAME, pages.of_run(load_run(run)))
         elif what == 2:
             compare_tables.text(compare([load_run(run)], ()), "csv")
         else:

@@ -72,6 +72,35 @@ def read_network(weights: Path, counts: Sequence[Counts]) -> tuple[Any, str]:
     return network, total.hexdigest()
 
 
+def add_last_activation(graph: Any) -> bool:
+    """Adds an output: the activation that follows the concatenation of what the last poolings made
+    (in YOLOX, spatial pyramid pooling at the end of the backbone). Whether there is one; it is
+    found by the structure, not by a name.
+    """
+    from onnx import ValueInfoProto
+
+    pooled = [node.output[0] for node in graph.node if node.op_type == "MaxPool"]
+    ends = [
+        node.output[0]
+        for node in graph.node
+        if node.op_type == "Concat" and len({*node.input} & {*pooled}) > 1
+    ]
+    for name in ends[-1:]:
+        conv = [
+            node.output[0] for node in graph.node if node.op_type == "Conv" and name in node.input
+        ]
+        after = [
+            node.output[0]
+            for node in graph.node
+            if {*node.input} & {*conv[:1]} and node.op_type != "Sigmoid"
+        ]
+        if after:
+            # without its type, which follows from the network: float or float16
+            graph.output.append(ValueInfoProto(name=after[0]))
+            return True
+    return False
+
+
 def open_session(
     weights: Path,
     network: Any,

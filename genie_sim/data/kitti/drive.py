@@ -42,7 +42,6 @@ ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``s
 # The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
 WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
 BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
-SAME_SHAPE = 0.02  # width by height may differ by this share
 POINT_BYTES = 16
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
@@ -62,7 +61,7 @@ class CameraFrame:
     """One picture on disk: its frame number, its camera's own time stamp, and where the camera was.
 
     ``stamp_ns`` is Unix time as KITTI's file gives it. ``intrinsics`` is the 3x3 matrix of the
-    rectified camera, for pictures of ``size`` (width, height; ``None``: whatever they have).
+    rectified camera, whose pictures have this ``size`` (width, height; ``None``: nobody tells).
     """
 
     camera: str
@@ -73,20 +72,13 @@ class CameraFrame:
     intrinsics: Array
     size: tuple[int, int] | None = None
 
-    def intrinsics_of(self, size: tuple[int, int]) -> Array:
-        """The matrix for a picture of this width and height, which somebody may have made smaller.
-        Raises UserError for one of another shape.
-        """
-        if self.size is None or size == self.size:
-            return self.intrinsics
-        scale = np.array([size[0] / self.size[0], size[1] / self.size[1]])
-        if abs(scale[0] / scale[1] - 1) > SAME_SHAPE:
+    def check_size(self, size: tuple[int, int]) -> None:
+        """Raises UserError for a picture that was made smaller, or cut."""
+        if self.size is not None and size != self.size:
             raise UserError(
                 f"{self.image_path}: has {size[0]}x{size[1]} pixels; the calibration is for "
-                f"{self.size[0]}x{self.size[1]}, another shape: nobody knows what was cut off"
+                f"{self.size[0]}x{self.size[1]}"
             )
-        scaled: Array = self.intrinsics * np.array([[scale[0]], [scale[1]], [1.0]])
-        return scaled
 
 
 @dataclass(frozen=True, slots=True)

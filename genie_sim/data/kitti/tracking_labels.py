@@ -7,8 +7,8 @@ from pathlib import Path
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.geometry import transform
 from genie_sim.core.messages import Location
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
-from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.tracking_sequence import (
     CAMERA,
     TRACKING,
@@ -64,7 +64,7 @@ def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, Obje
         with as_user_error(f"{where}: not a tracking label", IndexError, ValueError, OverflowError):
             frame, track = int(fields[0]), int(fields[1])
             truncation, occlusion = int(float(fields[3])), int(fields[4])
-            x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
+            x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, fields[6:16])
         if not are_plausible([x1, y1, x2, y2, height_m, x, y, z]):
             raise UserError(f"{where}: not a tracking label: a number is not finite, or too large")
         if not 0 <= frame < len(drive.world_SE3_camera0):

@@ -36,12 +36,11 @@ REACHES_M = {label: FOCAL_PX * size.height_m / MIN_HEIGHT_PX for label, size in 
 
 
 class SceneObject(NamedTuple):
-    """Something that is really there, at some time: what it is, its number, whether it moves, and
-    where its middle is [m].
+    """Something that is really there, at some time: what it is, whether it moves, and where its
+    middle is [m].
     """
 
     label: str
-    number: int
     moving: bool
     east_m: float
     north_m: float
@@ -59,7 +58,7 @@ class ObjectColumns:
     Parameters
     ----------
     label : its class
-    number : its own
+    number : its own, from which its random numbers follow
     real : ``False`` for a ghost
     laws : how a detector sees them
     seed_key : of the scene's seed
@@ -75,14 +74,13 @@ class ObjectColumns:
         seed_key: int,
     ) -> None:
         self.label = np.array(label, dtype=object)
-        self.number: Ints = np.array(number, dtype=np.int64)
         self.real: Flags = np.array(real, dtype=bool)
         # height of its middle, and from how far away it can be seen [m]
         self.up_m = np.array([MIDDLES_M[name] for name in label])
         self.reach_m = np.array([REACHES_M[name] for name in label])
         groups = map(laws.group_of, label, real)
         self.group: Ints = np.array(list(groups), dtype=np.int64)
-        self.key: Bits = keys.mix(seed_key ^ keys.mix(self.number.astype(np.uint64)))
+        self.key: Bits = keys.mix(seed_key ^ keys.mix(np.array(number, dtype=np.uint64)))
         # where its smooth numbers begin
         self.offset: Ints = keys.OBJECT_VIEW.of(self.key).astype(np.int64)
         # its lasting share in the copulas of the score and of the errors along and across

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.base.seeds import stream
 from genie_sim.data.frame_source import Drives
 from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.keys import named_key
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
 from genie_sim.worlds.scene.objects import Flags, ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
@@ -44,10 +46,15 @@ class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
     A subclass gives ``digest``, ``objects``, ``visibility``, ``are_moving`` and ``facts``. The same
-    ``digest`` is the same scene: the sha256 of all that decides what cameras see.
+    ``digest`` is the same scene: the sha256 of all that decides what cameras see. No random number
+    hangs on it, but on ``random_name`` and the seed: other settings are another scene of the same
+    draws.
     """
 
     name: ClassVar[str]
+    random_name: ClassVar[str]
+    """Names the random numbers: another word draws anew for every seed."""
+
     origin: ClassVar[Geodetic]
     """Where east and north are 0: latitude [deg], longitude [deg], altitude [m]."""
 
@@ -56,9 +63,15 @@ class Scene:
 
     digest: str
 
-    def __init__(self, seed: int) -> None:
-        self.seed = seed
+    def __init__(self, seed: int, view_m: float) -> None:
+        """``view_m`` is the largest distance at which a camera's detector finds anything."""
+        self.seed, self.view_m = seed, view_m
+        self.key = named_key(self.random_name, seed)
         self.laws: FittedLaws = synthetic_laws()
+
+    def random(self, *names: str | int) -> np.random.Generator:
+        """The random numbers of a name, which hang on the seed and the name alone."""
+        return stream(self.seed, self.random_name, *names)
 
     @property
     def objects(self) -> ObjectColumns:
@@ -73,7 +86,7 @@ class Scene:
     @functools.cached_property
     def detector(self) -> SyntheticDetector:
         """The detector of every camera."""
-        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid)
+        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid, view_m=self.view_m)
 
     def knows(self, label: str) -> bool:
         """Whether objects with a label would be among ``objects`` if they were there."""
@@ -88,7 +101,6 @@ class Scene:
         objects, row = self.objects, visible.row
         columns = (
             objects.label[row],
-            objects.number[row] - visible.number_offset,
             self.are_moving(visible, t_s),
             visible.east_m,
             visible.north_m,

@@ -34,15 +34,10 @@ class ViewPoses(NamedTuple):
 class PlacedObjects(NamedTuple):
     """Objects that may be seen: from which pose, the row of the object, and where it is then, east
     and north [m].
-
-    ``number_offset`` is what to take off the object's number: who leaves a town's street enters at
-    its other end as somebody else. It changes each time by the size of the object's stream: down
-    from 0 for those who go east or north, up for those who come back. In traffic it is 0.
     """
 
     pose: Ints
     row: Ints
-    number_offset: Ints
     east_m: Array
     north_m: Array
 
@@ -54,7 +49,6 @@ class VisibleObjects(NamedTuple):
 
     pose: Ints
     row: Ints
-    number_offset: Ints
     east_m: Array
     north_m: Array
     range_m: Array

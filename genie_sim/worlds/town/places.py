@@ -35,8 +35,7 @@ ROUNDING_M = 1e-6
 
 class _Tracks(NamedTuple):
     """How all objects move, as columns: where each is at time 0 [m], along and across its street,
-    its speed [m/s] along it, whether the street leads north, its length [m], and the size of the
-    object's stream (``streets.StreetObject``).
+    its speed [m/s] along it, whether the street leads north, and its length [m].
     """
 
     along_m: Array
@@ -44,7 +43,6 @@ class _Tracks(NamedTuple):
     speed_mps: Array
     northbound: Flags
     length_m: Array
-    stream_size: Ints
 
 
 class _SameVelocity:
@@ -82,14 +80,7 @@ class Places:
         self._objects, self._view_m, self._block_m = objects, rules.view_m, rules.block_m
         self._house_m = rules.block_m / 2 - rules.street_half_m  # from the middle of a block
         rows = [
-            (
-                of.along_m,
-                of.across_m,
-                of.speed_mps,
-                street.northbound,
-                street.length_m,
-                of.stream_size,
-            )
+            (of.along_m, of.across_m, of.speed_mps, street.northbound, street.length_m)
             for street in streets
             for of in street.objects
         ]
@@ -119,21 +110,18 @@ class Places:
         along_m = np.where(northbound, north_m, east_m) - speed_mps * t_s
         return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
 
-    def _at(self, row: Ints, t_s: Array) -> tuple[Ints, Array, Array]:
-        """The ``number_offset`` of objects at some times (``PlacedObjects``), and their east and
-        north [m]; ``row`` and ``t_s`` are broadcast together.
-        """
-        start_m, across_m, speed_mps, northbound, length_m, stream_size = (
+    def _at(self, row: Ints, t_s: Array) -> tuple[Array, Array]:
+        """East and north [m] of objects at some times; the two are broadcast together."""
+        start_m, across_m, speed_mps, northbound, length_m = (
             column[row] for column in self._tracks
         )
         gone_m = speed_mps * t_s
-        # how often each has begun anew: negative for those who go east or north
-        laps = np.where(speed_mps == 0.0, 0.0, -np.floor_divide(start_m + gone_m, length_m))
-        along_m = start_m + (gone_m + laps * length_m)
+        # how often each has begun anew: negative for those who come back
+        laps = np.where(speed_mps == 0.0, 0.0, np.floor_divide(start_m + gone_m, length_m))
+        along_m = start_m + (gone_m - laps * length_m)
         east_m = np.where(northbound, across_m, along_m)
         north_m = np.where(northbound, along_m, across_m)
-        number_offset = laps.astype(int) * stream_size
-        return number_offset, east_m, north_m
+        return east_m, north_m
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
         ahead_m = self._view_m / (2 * HALF_C)  # in a circle is all that is in view, and the camera
@@ -148,12 +136,11 @@ class Places:
                 for number, same in enumerate(self._velocities)
             ]
         )
-        number_offset, east_m, north_m = self._at(row, poses.t_s[:, None])
+        east_m, north_m = self._at(row, poses.t_s[:, None])
         pose = np.arange(len(poses.t_s))
         candidates = PlacedObjects(
             pose=np.repeat(pose, len(row)),
             row=np.tile(row, len(pose)),
-            number_offset=number_offset.ravel(),
             east_m=east_m.ravel(),
             north_m=north_m.ravel(),
         )
@@ -207,7 +194,7 @@ class Places:
         result = np.zeros(len(labels), dtype=bool)
         if rows:
             query, row = np.concatenate(queries), np.concatenate(rows)
-            _, there_east_m, there_north_m = self._at(row, t_s[query])
+            there_east_m, there_north_m = self._at(row, t_s[query])
             away_m = np.hypot(there_east_m - east_m[query], there_north_m - north_m[query])
             result[query[(away_m <= tolerance_m) & (self._class[row] == class_[query])]] = True
         return result

@@ -1,8 +1,8 @@
 """What stands and what moves on every street.
 
 Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their
-speed and their distances, stop for nobody, and leave at one end of the town as others enter at its
-other end. So where they are at any time is one sum.
+speed and their distances, stop for nobody, and come back at one end of the town when they leave it
+at the other. So where they are at any time is one sum.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.worlds.scene.keys import MIDDLE_MEMBER, object_number
+from genie_sim.worlds.scene.keys import object_number
 from genie_sim.worlds.town.rules import (
     CLEAR_M,
     GHOST_BESIDE_M,
@@ -32,9 +32,8 @@ class StreetObject(NamedTuple):
     """Something on a street, or a ghost there, which stands or keeps a speed.
 
     ``along_m`` and ``across_m`` are where it is at time 0, along the street and across it, from the
-    town's zero; ``speed_mps`` is towards the street's end, and negative for those who come back. A
-    stream starts from ``stream_size`` places: who enters in place of one who has left the street
-    has a number that is by so much higher, or lower for those who come back.
+    town's zero; ``speed_mps`` is towards the street's end, and negative for those who come back.
+    Who leaves the street enters it again at its other end.
     """
 
     label: str
@@ -43,7 +42,6 @@ class StreetObject(NamedTuple):
     across_m: float
     real: bool = True
     speed_mps: float = 0.0
-    stream_size: int = 0
 
 
 class Street(NamedTuple):
@@ -151,7 +149,7 @@ def _moving(rules: TownRules, line: _Line, random: np.random.Generator) -> Itera
     ):
         count = random.poisson(density / 2 * line.length_m / 100)
         starts_m = np.sort(random.random(count) * line.length_m).tolist()
-        for member, start_m in enumerate(starts_m, MIDDLE_MEMBER):
+        for member, start_m in enumerate(starts_m):
             for own_stream, label in enumerate(labels, stream):
                 yield StreetObject(
                     label,
@@ -159,7 +157,6 @@ def _moving(rules: TownRules, line: _Line, random: np.random.Generator) -> Itera
                     start_m,
                     line.middle_m + direction * line.right * off_m,
                     speed_mps=direction * speed_mps,
-                    stream_size=count,
                 )
 
 

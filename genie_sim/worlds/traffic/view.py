@@ -46,7 +46,6 @@ class TrafficView:
         candidates = PlacedObjects(
             pose=pose,
             row=vehicles.vehicle[row],
-            number_offset=np.zeros(len(row), dtype=np.int64),
             east_m=motions.east_m,
             north_m=motions.north_m,
         )

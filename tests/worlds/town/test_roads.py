@@ -205,15 +205,6 @@ def test_one_truth_is_asked_about_all_cars():
     assert not truth.are_there(of_frames, labels, east_m, north_m + 1e5).any()
 
 
-def test_nobody_has_the_number_of_another(town):
-    for t_ns in (0, 100 * NS_PER_S, 3600 * NS_PER_S):
-        everything = truth_near(town, 450.0, 375.0, 1000.0, t_ns)
-        assert len({item.number for item in everything}) == len(everything)
-        assert sum(item.moving for item in everything) == pytest.approx(
-            sum(item.moving for item in truth_near(town, 450.0, 375.0, 1000.0, 0)), rel=0.01
-        )
-
-
 def test_cyclists_are_a_bicycle_and_a_person(town):
     """One where the other is, and both as fast."""
     moving = [item for street in town.streets for item in street.objects if item.speed_mps]

@@ -47,7 +47,7 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
         for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned)
     )
     view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
-    candidates = PlacedObjects(each, each, each, east_m=east_m, north_m=north_m)
+    candidates = PlacedObjects(each, each, east_m=east_m, north_m=north_m)
     visible = in_view(view_poses, candidates, objects, MAX_VIEW_M)
     detected = SyntheticDetector(objects, laws).detect(visible, view_poses)
     for number in visible.pose.tolist():

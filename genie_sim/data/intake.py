@@ -12,13 +12,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL, ROAD_LABELS, class_of
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.classes import ROAD_LABELS, class_of
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -40,10 +41,9 @@ from genie_sim.data.trace import (
     write_trace,
 )
 from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth
-from genie_sim.data.world_table import in_range
 
 if TYPE_CHECKING:
-    from genie_sim.data.detectors.onnx_detector import DetectedBox
+    from genie_sim.data.detectors.boxes import DetectedBox
     from genie_sim.data.detectors.placement import Placement
     from genie_sim.data.encoding import Picture
 
@@ -68,11 +68,7 @@ def new_detection(
     box : left, top, right and bottom [pixels]; ``None`` where there is no picture
     location : of the object's centre in the world, (3,) [m]
     placed_by : what tells the place, such as ``scan``
-
-    Raises UserError for a score that is none.
     """
-    if not 0 <= score <= 1:
-        raise UserError(f"a {label} has the score {score:.3g}: scores must be from 0 to 1")
     rounded_score = round(float(score), SCORE_DECIMALS)
     return Detection(
         label,
@@ -218,7 +214,6 @@ def traces(
 
     Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
-    truth_file.check_range(report.path, range_m)
     if first_ns is None:
         first_ns = min(
             (frame.stamp_ns for of_car in frames.values() for frame in of_car), default=0
@@ -232,11 +227,14 @@ def traces(
         views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
         ordered = _in_order(views, first_ns, numbered, report)
         by_car[car] = checked(report.path, [view.frame for view in ordered])
-        objects[car] = [truth_row(view.frame, there) for view in ordered for there in view.there]
+        objects[car] = [
+            (view.frame, truth_row(view.frame, there)) for view in ordered for there in view.there
+        ]
         _check_ways(car, by_car[car], first_ns, report)
     _check_detections(by_car, report, range_m, detected_in)
     if truth:
-        _check_truth(by_car, objects, report, range_m, truth_in)
+        truth_file.check_range(report.path, range_m)
+        _check_truth([*chain(*objects.values())], report, range_m, truth_in)
     import_facts = {"import": report.facts()}
     imported = {}
     for car, by_camera in by_car.items():
@@ -247,15 +245,13 @@ def traces(
         # only now, after the checks, which see what the reader found
         rounded = {camera: tuple(map(rounded_pose, of)) for camera, of in by_camera.items()}
         trace = Trace(car, origin, rounded, about, sequence=sequence)
-        table = _truth_table(trace, objects[car], range_m) if car in truth else None
+        table = None
+        if car in truth:
+            rows = sorted(row for _, row in objects[car])
+            about = {**trace.provenance, "trace": trace.name}
+            table = TruthTable(trace.digest, trace.origin, tuple(rows), about, range_m=range_m)
         imported[car] = ImportedCar(trace, table)
     return imported
-
-
-def _truth_table(trace: Trace, objects: Iterable[TruthRow], range_m: float) -> TruthTable:
-    rows = tuple(sorted(objects, key=lambda row: (row.camera, row.frame, row.object)))
-    about = {**trace.provenance, "trace": trace.name}
-    return TruthTable(trace.digest, trace.origin, rows, about, range_m=range_m)
 
 
 def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
@@ -337,7 +333,6 @@ def _check_ways(
     car: str, cameras: Mapping[str, Sequence[TraceFrame]], first_ns: int, report: ImportReport
 ) -> None:
     """When and where each camera was, and whether one of them looks where the car drives."""
-    off_rad: dict[str, float] = {}
     courses: dict[str, tuple[Array, Array, Array]] = {}
     for camera, frames in cameras.items():
         pictured = [frame for frame in frames if frame.kind == "camera"]
@@ -354,9 +349,9 @@ def _check_ways(
         )
         report.span("height", {frame.height for frame in pictured}, "px")
         report.check_way(name, times_s.tolist(), poses[:, :2])
-        course = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
-        off_rad[name], courses[name] = askew_rad(*course), course
-    ahead = min(off_rad, key=lambda name: off_rad[name])  # of several cameras some look aside
+        courses[name] = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
+    # of several cameras some look aside
+    ahead = min(courses, key=lambda name: askew_rad(*courses[name]))
     heading_rad, steps_m, passed_s = courses[ahead]
     report.check_heading(
         f"{ahead}: the heading",
@@ -436,28 +431,16 @@ def truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
 
 
 def _check_truth(
-    cars: Mapping[str, Mapping[str, Sequence[TraceFrame]]],
-    rows: Mapping[str, Sequence[TruthRow]],
+    objects: Sequence[tuple[TraceFrame, TruthRow]],
     report: ImportReport,
     range_m: float,
     truth_in: Path | None,
 ) -> None:
     """Raises UserError for objects of no class, at no place, or none of them near a car."""
-    away_m = []
-    for car, of_car in rows.items():
-        frames = {(frame.camera, frame.index): frame for of in cars[car].values() for frame in of}
-        for row in of_car:
-            where = (
-                f"{truth_in or report.path}: object {row.object} at {row.stamp_ns / NS_PER_S:g} s"
-            )
-            if row.label not in CANONICAL:
-                raise UserError(f"{where}: label: {unknown('class', row.label, CANONICAL)}")
-            if not in_range(row.location):
-                raise UserError(f"{where}: {row.location} is at no place on Earth [m]")
-            pose = frames[row.camera, row.frame].pose
-            away_m.append(math.dist(row.location[:2], pose[:2]))
-    if not any(row.visible for of_car in rows.values() for row in of_car):
+    truth_file.check_rows(truth_in or report.path, [row for _, row in objects])
+    if not any(row.visible for _, row in objects):
         report.warn("no object of the truth is ever visible")
+    away_m = (math.dist(row.location[:2], frame.pose[:2]) for frame, row in objects)
     if min(away_m, default=math.inf) > range_m + BEYOND_M:
         report.refuse(
             f"no object is ever within {range_m + BEYOND_M:g} m of a car: are the places on "

@@ -16,9 +16,9 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Location
-from genie_sim.data.importers.trace_import import check_distances, truth_row
+from genie_sim.data.intake import check_distances, truth_row
 from genie_sim.data.kitti.drive import TRACKLETS, drive_folders
-from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey
 from genie_sim.data.kitti.tracking_labels import labels_of_sequence
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TRACKING
 from genie_sim.data.kitti.tracklets import labels_of_drive
