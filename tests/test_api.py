@@ -423,7 +423,8 @@ def test_a_misspelt_attribute_is_answered_with_the_nearest():
     with pytest.raises(AttributeError, match="did you mean 'compare'"):
         _ = gs.comparee
     run = gs.run("1car_homo", {"cars[0].route.window": ["0 s", "0.3 s"]}, methods=["local"])
-    with pytest.raises(AttributeError, match="did you mean 'latency_cdf'"):
+    with pytest.raises(AttributeError, match="did you mean 'latency_cdf'") as error:
         _ = run.plot.latency_cdff
+    assert len(error.value._render_traceback_()) == 1  # in a notebook
     with pytest.raises(AttributeError, match="did you mean 'frames'"):
         _ = run.frame

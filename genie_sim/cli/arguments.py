@@ -213,8 +213,9 @@ def width_in(text: str | None) -> float | None:
 
     if text in WIDTHS:
         return WIDTHS[text]
-    if re.fullmatch(r"[0-9]{1,2}(\.[0-9]{1,3})?", text) and 2 <= float(text) <= 12:
-        return float(text)
+    inches = text.removesuffix("in").strip()
+    if re.fullmatch(r"[0-9]{1,2}(\.[0-9]{1,3})?", inches) and 2 <= float(inches) <= 12:
+        return float(inches)
     names = ", ".join(WIDTHS)
     raise UserError(
         f"--width: {short_repr(text)}: expected {names}, or inches from 2 to 12, such as 3.5"

@@ -14,7 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import character_in, finish, in_style, is_narrow, logarithmic_x
+from genie_sim.analysis.drawing import (
+    NotebookFigure,
+    character_in,
+    finish,
+    in_style,
+    is_narrow,
+    logarithmic_x,
+)
 from genie_sim.analysis.metric import HEADLINE, SHORT, Metric
 from genie_sim.analysis.registry import (
     Words,
@@ -194,7 +201,7 @@ class SweepFigures:
         abouts = {facet.metric: definition(facet.metric, self.words) for facet in panels}
         titled = any(facet.title for facet in panels)
         row_in = 1.3 if titled else 0.8 if narrow and rows > 1 else 1.8
-        figure = Figure(figsize=(self.width_in, (0.2 if narrow else 0.6) + row_in * rows))
+        figure = NotebookFigure(figsize=(self.width_in, (0.2 if narrow else 0.6) + row_in * rows))
         cells = list(figure.subplots(rows, wide, squeeze=False).flat)
         unused = len(cells) - len(panels)
         end = wide if narrow else len(cells)  # in a column names of ticks stand below the last row

@@ -38,7 +38,7 @@ def size_in(path: str) -> list[float]:
 @pytest.mark.parametrize("name", ["latency_cdf", "confidence_boost"])
 def test_one_figure_of_several_results_fits_a_column(folders, name, capsys):
     line = ["--only", name, "--methods", "genie,remote", "--label", "one", "--label", "two"]
-    assert main(["figures", *folders, *line, "--width", "3.5", "--out", "f.svg"]) == 0
+    assert main(["figures", *folders, *line, "--width", "3.5in", "--out", "f.svg"]) == 0
     assert capsys.readouterr().out == "f.svg\n"
     text = words("f.svg")
     assert "one:" in text and "two:" in text and "Genie (DG)" in text
@@ -85,7 +85,7 @@ def test_a_figure_of_a_run_can_be_asked_for_alone(folders):
         ),
         (["--only", "lap_f1"], "lap_f1: these results have no value of it"),
         (["--only", "utilization"], "values are too many for a column: name fewer with --methods"),
-        (["--only", "latency_cdf", "--width", "30"], "--width: '30': expected column, page,"),
+        (["--only", "latency_cdf", "--width", "30in"], "--width: '30in': expected column, page,"),
         (["--only", "latency_cdf", "--width", "wide"], "or inches from 2 to 12, such as 3.5"),
         (["--only", "latency_cdf", "--out", "f.jpg"], "--out: unknown format 'jpg'"),
         (

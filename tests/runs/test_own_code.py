@@ -398,7 +398,7 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     (line,) = capsys.readouterr().err.splitlines()
     assert (
         line
-        == "genie-sim: method 'mod:Nothing': is third-party code; pass --allow-own-code to run it"
+        == "genie-sim: method 'mod:Nothing': is code of its own; pass --allow-own-code to run it"
     )
     assert not (tmp_path / "sprung").exists()
     (tmp_path / "mod.py").write_text(OWN)
