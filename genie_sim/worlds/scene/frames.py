@@ -13,8 +13,6 @@ import numpy as np
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
-from genie_sim.base.setting_errors import SettingError
-from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.frame_source import Drive
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
@@ -26,20 +24,10 @@ from genie_sim.worlds.scene.surrogate import surrogates
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
 CAMERA_UP_M = 1.65  # of KITTI's cameras: cvlibs.net/datasets/kitti/setup.php
-MAX_FRAMES = 100_000_000
 # Of a camera, whose views are computed at once: a frame costs half as much as in batches of 16.
 BATCH_FRAMES = 64
 # to the left of the car's middle; KITTI's colour cameras are 0.54 m apart (setup.php)
 BASELINES_M = {"02": 0.27, "03": -0.27}
-
-
-def check_frames(duration_ns: int, interval_ns: int) -> None:
-    """Raises ``SettingError`` for more frames than anyone has simulated: a typing error, which
-    would exhaust the memory before any message appears.
-    """
-    if duration_ns / interval_ns > MAX_FRAMES:
-        text = f"makes more than {MAX_FRAMES:,} frames of {duration_text(duration_ns)}"
-        raise SettingError("interval", text)
 
 
 class Motions(NamedTuple):
@@ -181,7 +169,7 @@ class FrameBatch:
         """What is really in view in one of the frames."""
         begin, end = self._visible.pose.searchsorted((pose, pose + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
-        return tuple(self.drive.scene.truth(visible, self._poses.t_s))
+        return tuple(self.drive.scene.truth(visible))
 
 
 def _rounded(values: Iterable[float], decimals: int) -> Array:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from genie_sim.base.classes import SIZES
+from genie_sim.base.classes import SIZES, class_of
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
 from genie_sim.core.messages import Location
@@ -78,6 +78,11 @@ class ObjectColumns:
         # height of its middle, and from how far away it can be seen [m]
         self.up_m = np.array([MIDDLES_M[name] for name in label])
         self.reach_m = np.array([REACHES_M[name] for name in label])
+        classes = [class_of(name) for name in label]
+        self._codes = {name: code for code, name in enumerate(dict.fromkeys(classes))}
+        # the code of its class, and of a ghost that of nothing
+        self.class_: Ints = np.array([self._codes[name] for name in classes], dtype=np.int64)
+        self.class_[~self.real] = self.nothing = len(self._codes)
         groups = map(laws.group_of, label, real)
         self.group: Ints = np.array(list(groups), dtype=np.int64)
         self.key: Bits = keys.mix(seed_key ^ keys.mix(np.array(number, dtype=np.uint64)))
@@ -87,6 +92,11 @@ class ObjectColumns:
         self.score_z = self._lasting(laws.score, keys.OBJECT_SCORE)
         self.along_z = self._lasting(laws.along, keys.OBJECT_ALONG)
         self.across_z = self._lasting(laws.across, keys.OBJECT_ACROSS)
+
+    def classes_of(self, labels: Sequence[str]) -> Ints:
+        """The codes of the classes of labels (n,), or that of nothing."""
+        codes = (self._codes.get(class_of(label), self.nothing) for label in labels)
+        return np.fromiter(codes, dtype=np.int64, count=len(labels))
 
     def _lasting(self, copula: Copula, draw: keys.BitField) -> Array:
         drawn = np.array(normals())[draw.of(self.key).astype(np.int64)]

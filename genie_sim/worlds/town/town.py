@@ -9,11 +9,9 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.geometry import Array
 from genie_sim.worlds.scene.frames import SceneDrive
-from genie_sim.worlds.scene.objects import Flags, ObjectColumns
+from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene
-from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.commuting import Commuting
 from genie_sim.worlds.town.places import Places
@@ -85,10 +83,6 @@ class Town(Scene):
     def visibility(self) -> Places:
         """Where everything is, and what every camera in the town has in view."""
         return Places(self.rules, self.streets, self.objects)
-
-    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
-        are_moving: Flags = self.visibility.speed_mps[visible.row] != 0.0
-        return are_moving
 
     @functools.cached_property
     def _commuting(self) -> Commuting:

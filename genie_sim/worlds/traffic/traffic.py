@@ -11,15 +11,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.base.classes import PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.geometry import Array
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
-from genie_sim.worlds.scene.objects import Flags, ObjectColumns
+from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene, SceneDrives
-from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
 from genie_sim.worlds.traffic.vehicles import Stretch, Vehicles
 from genie_sim.worlds.traffic.view import TrafficView
@@ -92,11 +90,6 @@ class Traffic(Scene):
     def knows(self, label: str) -> bool:
         return label in KNOWN or (label in PERSONS and any(self.vehicles.is_person))
 
-    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
-        at_s = t_s[visible.pose]
-        motions = self.vehicles.at(self.vehicles.rows_at(visible.row, at_s), at_s)
-        return motions.speed_mps > MOVING_MPS
-
     def facts(self) -> Mapping[str, object]:
         # Names no detector, so that maps take the assumed laws: what was measured of this one in a
         # town, on other streets and among other traffic, is no measurement here.
@@ -147,7 +140,7 @@ class TrafficDrives(SceneDrives):
 
     def __init__(self, traffic: Traffic) -> None:
         settings, vehicles = traffic.settings, traffic.vehicles
-        super().__init__(traffic, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
+        super().__init__(traffic, settings)
         self.extent_m = vehicles.extent_m
         numbers = [number for number in range(len(vehicles)) if not vehicles.is_person[number]]
         self._ids = [vehicles.ids[number] for number in numbers]

@@ -184,7 +184,7 @@ def test_what_is_there_is_found_by_its_class(blocks, range_m):
         )
         for label, *place, at_ns in asked
     ]
-    found = town.visibility.are_there(labels, east_m, north_m, t_s=t_ns * 1e-9, tolerance_m=range_m)
+    found = town.are_there(labels, east_m, north_m, t_s=t_ns * 1e-9, tolerance_m=range_m)
     assert found.tolist() == expected
     assert 5 < sum(expected) < count
 
