@@ -14,10 +14,8 @@ from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance, results
 from genie_sim.record.results import MethodInfo, MetricValue, Run
-from genie_sim.record.tables import other_format
 
 SWEEP_FILE = "sweep.json"  # what a study says of itself
-FORMAT = 3  # of that, and of its tables
 RUNS = "runs"  # the folder of whole results
 STUDY_FIELDS: Mapping[str, tuple[type, str]] = {  # what a study may say of itself
     "run_ids": (list, "a list"),
@@ -194,8 +192,7 @@ def read_about(folder: Path) -> dict[str, Any]:
     about = provenance.read_json(path)
     if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
         raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-    if about.get("format") != FORMAT:
-        raise UserError(other_format(path, about.get("format"), FORMAT))
+    provenance.check_format(path, about)
     for name, (kind, what) in STUDY_FIELDS.items():
         if type(about.setdefault(name, kind())) is not kind:
             raise UserError(f"{path}: {name}: not {what}")

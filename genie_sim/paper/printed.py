@@ -13,7 +13,6 @@ from genie_sim.paper import table1
 from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences, total
 from genie_sim.record import provenance
 
-FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
 VERDICTS, DOCUMENT = "verdicts.json", "verdicts.md"
 HEADINGS = ["", "the paper says", "paper", "here", "verdict", "why", "shown by"]
 OF_ALL = "genie-sim reproduce --quick"  # shows every row; not said again in each
@@ -36,12 +35,9 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
 
 def read_about(folder: Path) -> dict[str, Any]:
     """What an evaluation says of itself. Raises ``UserError``, also for an earlier version's."""
-    about = provenance.read_json(provenance.contained(folder, "run.json"))
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
-        raise UserError(
-            f"{folder}: an evaluation by another version, whose numbers mean other things; "
-            "genie-sim reproduce makes it again"
-        )
+    path = provenance.contained(folder, "run.json")
+    about = provenance.read_mapping(path)
+    provenance.check_format(path, about)
     return about
 
 
@@ -173,9 +169,9 @@ def html(rows: Sequence[Row]) -> str:
     return renderers.html(table)
 
 
-def document(rows: Sequence[Row], accuracy: ResultTable, edited: Sequence[str]) -> str:
+def document(rows: Sequence[Row], accuracy: ResultTable) -> str:
     """The whole account beside the results: the table, each claim's test, Table I, accuracy."""
-    parts = ["# What of the paper holds here", "", *(f"{line}\n" for line in edited)]
+    parts = ["# What of the paper holds here", ""]
     parts += [in_markdown(rows), "", "## Tests", ""]
     parts += [f"- **{row['id']}** ({row['where']}; {row['kind']}): {row['test']}" for row in rows]
     kinds = "; ".join(f"*{kind}*: {meaning}" for kind, meaning in KINDS.items())

@@ -7,7 +7,7 @@ is tested.
 import logging
 import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,7 +57,7 @@ class Reproduction(Suggesting, Result):
     curves : mapping
         The points that figures draw.
     about : mapping
-        How it came about: seeds, edited set-ups, and the versions of sources and packages.
+        How it came about: seeds, and the versions of sources and packages.
     folder : Path or None
         Where it is; ``None`` for one in memory.
     """
@@ -95,16 +95,15 @@ class Reproduction(Suggesting, Result):
 
     @cached_property
     def cells(self) -> Mapping[str, Mapping[int, Run]]:
-        """Each scenario of the paper as runs by seed, with the numbers of methods as a whole."""
-        facts = {
-            "scenario": {"name": "evaluation"},
-            "devices": {},
-            "genie_sim": self.about["genie_sim"],
-            "methods": [asdict(method) for method in numbers.METHODS],
-        }
-        run_id = provenance.run_id({"sources": self.about.get("sources")})
-        like = Run(run_id, facts, "", {}, ())
-        return cells_of(self.numbers[self.numbers["variant"] == BASE], ["scenario"], like)
+        """Each scenario of the paper; see ``cells_of``."""
+        return cells_of(
+            self.numbers[self.numbers["variant"] == BASE],
+            ["scenario"],
+            numbers.METHODS,
+            name="evaluation",
+            genie_sim=self.about["genie_sim"],
+            origin=self.about.get("sources"),
+        )
 
     def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Reproduction":
         """Itself: its figures and its table are of claims. Raises ``UserError`` for anything
@@ -207,18 +206,14 @@ def reproduce(
         folders.check_writable(out.parent)
         folders.check_replaceable(out)
         check_kept(out, seed_numbers)
-    edited = sources.edited_set_ups()
-    for line in edited:
-        log.warning("%s", line)
     planned = runs.planned(seed_numbers)
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
         measured, curve_points = runs.simulate(planned, store, workers or workers_here(), progress)
     about = {
-        "format": printed.FORMAT,
+        "format": provenance.RESULT_FORMAT,
         "quick": quick,
         "seeds": list(seed_numbers),
-        "edited": edited,
         "sources": sources.digests(),
         # the sources say which code it was; a commit is lost where it is rewritten
         **{name: version for name, version in provenance.environment().items() if name != "commit"},
@@ -271,7 +266,7 @@ def show(folder: Path, evaluation: Reproduction) -> None:
     with folders.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(evaluation.numbers))
-            document = printed.document(evaluation.rows, accuracy, evaluation.about["edited"])
+            document = printed.document(evaluation.rows, accuracy)
             folders.write_summary(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             drawn_figures = evaluation.figures()

@@ -91,8 +91,10 @@ class Text:
 
 
 class Columns:
-    """Columns of equal length by name: numpy arrays, and ``Text``. An unknown number is NaN, an
-    unknown flag None.
+    """Columns of equal length by name: numpy arrays, and ``Text``.
+
+    What is not known is NaN in a column of numbers, which is then one of floats, None in one of
+    flags, which is then one of objects, and ``NO_TEXT`` among the codes of a text.
 
     ``rows`` are the indices of the rows of this view; ``None`` for all rows. A column is copied
     when it is first asked for.

@@ -30,6 +30,8 @@ from genie_sim.record.records import (
     FaultRow,
     HostRow,
     LookRow,
+    LookupRow,
+    PoseRow,
     Tables,
 )
 from genie_sim.record.tables import Value
@@ -95,8 +97,9 @@ class Log:
     completed with what becomes known (``OpenFrame``). Some seconds later it *settles*, that is, it
     goes into the table, which is compact. If more becomes known after all, it is taken out again.
 
-    Rows of which there are many are plain tuples in the order of the columns (``records``), and go
-    into their table many at once: naming the columns of each takes ten times as long.
+    The rows of ``resources``, ``objects`` and ``steps``, of which there are most, are plain values
+    in the order of the columns (``records``), and go into their table many at once: naming the
+    columns of each takes ten times as long.
 
     The calls of a ``monitor.Monitor`` come first, in the order in which they happen to a frame;
     then those at the end of a run; then the rows that ``observe`` writes.
@@ -166,16 +169,16 @@ class Log:
             frame.image = image
         if self._poses is not None and header.origin not in self._earlier_cars:
             pose = image.pose
-            row = (
-                self.method,
-                header.origin,
-                header.frame_id,
-                number,
-                header.stamp_ns,
-                pose.east_m,
-                pose.north_m,
-                pose.heading_rad,
-                image.horizontal_fov_rad,
+            row = PoseRow(
+                method=self.method,
+                car=header.origin,
+                stream=header.frame_id,
+                frame=number,
+                stamp_ns=header.stamp_ns,
+                east_m=pose.east_m,
+                north_m=pose.north_m,
+                heading_rad=pose.heading_rad,
+                horizontal_fov_rad=image.horizontal_fov_rad,
             )
             self._poses.append(row)
 
@@ -291,7 +294,7 @@ class Log:
     def failed(self, spans: Sequence[FaultSpan]) -> None:
         """Writes the faults that there were."""
         for span in spans:
-            self._faults.append(FaultRow(self.method, *span))
+            self._faults.append(FaultRow(self.method, **span._asdict()))
 
     def close(self) -> None:
         """The run is over: every frame goes into the table."""
@@ -349,22 +352,22 @@ class Log:
         is_hit = lookup.outcome == HIT
         if self._lookups is not None:
             stamp_ns, stream, car = lookup.header
-            row = (
-                self.method,
-                now_ns,
-                genie,
-                placement,
-                IMAGE,
-                lookup.requester,
-                car,
-                stream,
-                stamp_ns,
-                lookup.outcome,
-                1,  # request
-                int(is_hit),
-                0,  # objects changed
-                0.0,
-                lookup.entries,
+            row = LookupRow(
+                method=self.method,
+                t_ns=now_ns,
+                genie=genie,
+                placement=placement,
+                kind=IMAGE,
+                requester=lookup.requester,
+                car=car,
+                stream=stream,
+                stamp_ns=stamp_ns,
+                outcome=lookup.outcome,
+                requests=1,
+                hits=int(is_hit),
+                updates=0,
+                boost_sum=0.0,
+                entries=lookup.entries,
             )
             self._lookups.append(row)
         if placement == "car" and lookup.requester == "client":
@@ -379,22 +382,22 @@ class Log:
         if self._lookups is None:
             return
         stamp_ns, stream, car = lookups.header
-        row = (
-            self.method,
-            now_ns,
-            genie,
-            placement,
-            lookups.kind,
-            None,  # nobody's request
-            car,
-            stream,
-            stamp_ns,
-            None,  # neither hit nor miss
-            lookups.requests,
-            lookups.hits,
-            lookups.updates,
-            lookups.boost_sum,
-            lookups.objects,
+        row = LookupRow(
+            method=self.method,
+            t_ns=now_ns,
+            genie=genie,
+            placement=placement,
+            kind=lookups.kind,
+            requester=None,
+            car=car,
+            stream=stream,
+            stamp_ns=stamp_ns,
+            outcome=None,
+            requests=lookups.requests,
+            hits=lookups.hits,
+            updates=lookups.updates,
+            boost_sum=lookups.boost_sum,
+            entries=lookups.objects,
         )
         self._lookups.append(row)
 

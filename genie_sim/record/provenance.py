@@ -20,10 +20,11 @@ from genie_sim.base.paths import (
     usable,
 )
 from genie_sim.base.text import one_line
-from genie_sim.record.tables import other_format
 from genie_sim.version import PACKAGE_FOLDER, VERSION
 
 log = logging.getLogger(__name__)
+# Of every result folder, in run.json or sweep.json: one more when a table, a column, a field of
+# ``MetricValue`` or a fact is another, or means something else. Every run id changes with it.
 RESULT_FORMAT = 6
 # Of run.json, required by every command; other fields are checked where they are used.
 REQUIRED: dict[str, tuple[type, str]] = {
@@ -155,6 +156,22 @@ def read_mapping(path: Path) -> dict[str, Any]:
     return content
 
 
+def check_format(path: Path, about: Mapping[str, Any]) -> None:
+    """Raises ``UserError`` unless what a result says of itself in this file is of the format that
+    this version writes.
+    """
+    version = about.get("format")
+    if version == RESULT_FORMAT:
+        return
+    if isinstance(version, int) and version < RESULT_FORMAT:
+        raise UserError(
+            f"{path}: made by an older genie-sim: format {version}, this one reads "
+            f"{RESULT_FORMAT}; run it again"
+        )
+    told = "says no format" if version is None else f"format {short_repr(version)}"
+    raise UserError(f"{path}: {told}, this genie-sim reads {RESULT_FORMAT}")
+
+
 @contextmanager
 def of_this_version(folder: Path | None) -> Iterator[None]:
     """While the results in a folder are put to use: what another version wrote there, or somebody
@@ -175,12 +192,12 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     """The provenance of a result folder. Raises ``UserError`` for anything else."""
     path = contained(folder, "run.json")
     if not path.exists():
-        runs = "; a run is a folder in its runs/" if (folder / "runs").is_dir() else ""
-        why = f"it has no run.json{runs}" if os.path.lexists(folder) else "it does not exist"
+        inner = [*folder.glob("*/run.json"), *folder.glob("runs/*/run.json")]
+        hint = f"; {min(inner).parent} is one" if inner else ""
+        why = f"it has no run.json{hint}" if os.path.lexists(folder) else "it does not exist"
         raise UserError(f"{folder}: not a result folder: {why}")
     run = read_mapping(path)
-    if run.get("format") != RESULT_FORMAT:
-        raise UserError(other_format(path, run.get("format"), RESULT_FORMAT))
+    check_format(path, run)
     for field, (kind, what) in REQUIRED.items():
         value: Any = run
         for name in field.split("."):

@@ -81,8 +81,6 @@ class LookupRow(NamedTuple):
     of time.
     """
 
-    # ``log.Log`` writes rows as tuples in this order.
-
     method: Method
     t_ns: Annotated[int, "ns", "simulated time"]
     genie: Annotated[str, "", "the Genie that looked up"]
@@ -146,7 +144,7 @@ class ResourceRow(NamedTuple):
     order of time.
     """
 
-    # ``log.Log`` writes rows as tuples in this order.
+    # ``log.Log`` writes the values of rows in this order.
 
     method: Method
     t_ns: Annotated[int, "ns", "simulated time of the sample"]
@@ -185,8 +183,6 @@ class PoseRow(NamedTuple):
     that the car drives with, in order of time; the same under every other.
     """
 
-    # ``log.Log`` writes rows as tuples in this order.
-
     method: Method
     car: Car
     stream: Stream
@@ -207,7 +203,7 @@ class ObjectRow(NamedTuple):
     confidence. An object of a map that tracks moves.
     """
 
-    # ``log.Log`` writes rows as tuples in this order.
+    # ``log.Log`` writes the values of rows in this order.
 
     method: Method
     t_ns: Annotated[int, "ns", "simulated time"]
@@ -312,7 +308,7 @@ class StepRow(NamedTuple):
     when the one before it ends, so they add up to the response time.
     """
 
-    # ``log.Log`` writes rows as tuples in this order.
+    # ``log.Log`` writes the values of rows in this order.
 
     method: Method
     car: Car

@@ -120,11 +120,15 @@ class Run:
     """One finished run.
 
     ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every setting
-    written out; ``folder`` is ``None`` for a run that was not written down. ``label`` is what the
-    user calls it, or empty. ``words`` are what is said of metrics of the user's own.
-    ``tables`` holds the tables by name, as numpy columns. Each is an attribute as well, a pandas
-    table that is made when it is first asked for: ``run.frames``. ``record.records`` describes
-    the columns.
+    written out; ``folder`` is ``None`` for a run that was not written down. ``measured`` are its
+    numbers, those of ``metrics.json``. ``label`` is what the user calls it, or empty. ``words`` are
+    what is said of metrics of the user's own. ``tables`` holds the tables by name, as numpy
+    columns. Each is an attribute as well, a pandas table that is made when it is first asked for:
+    ``run.frames``. ``record.records`` describes the columns.
+
+    Of a cell of a sweep or an evaluation only the numbers of whole methods are at hand: it has no
+    tables and no yaml, and of the facts its name and seed, ``methods`` and ``genie_sim``
+    (``report.result.cells_of``).
     """
 
     run_id: str

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-FORMAT_VERSION = 3
 ROWS_PER_GROUP = 65_536
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of formulas in spreadsheets
 
@@ -102,7 +101,7 @@ class Schema:
             kind = types.get(column.kind, text)
             metadata = {"unit": column.unit, "description": column.description}
             fields.append(pa.field(column.name, kind, column.nullable, metadata))
-        about = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
+        about = json.dumps({"table": self.name})
         return pa.schema(fields, metadata={parquet.METADATA_KEY: about.encode()})
 
 
@@ -426,17 +425,6 @@ class Table:
             yield pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
-def other_format(path: Path, version: object, expected: int) -> str:
-    """Returns what is wrong with results of another format, and what to do."""
-    if isinstance(version, int) and version < expected:
-        return (
-            f"{path}: made by an older genie-sim: format {version}, this one reads {expected}; "
-            "run it again"
-        )
-    found = "says no format" if version is None else f"format {short_repr(version)}"
-    return f"{path}: {found}, this genie-sim reads {expected}"
-
-
 def write(path: Path, schema: Schema, columns: Columns) -> None:
     """Writes columns as ``Table.write`` writes the same rows. Raises UserError."""
     table = Table(schema)
@@ -448,8 +436,7 @@ def read(path: Path, schema: Schema, *, trusted: bool = False) -> Columns:
     """Returns the rows of a file that a table of this schema wrote. What this program has just
     written is ``trusted``: it may take any memory.
 
-    Raises UserError for a missing, truncated or foreign file, another table or another format
-    version.
+    Raises UserError for a missing, truncated or foreign file, another table or other columns.
     """
 
     def columns(found: "pa.Schema", about: Mapping[str, Any]) -> list[str]:
@@ -457,8 +444,6 @@ def read(path: Path, schema: Schema, *, trusted: bool = False) -> Columns:
             raise UserError(
                 f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}"
             )
-        if about.get("format_version") != FORMAT_VERSION:
-            raise UserError(other_format(path, about.get("format_version"), FORMAT_VERSION))
         parquet.check_columns(path, found, schema.arrow())
         return [column.name for column in schema.columns]
 

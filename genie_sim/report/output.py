@@ -39,7 +39,7 @@ class Output:
     def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
         """The same, each by an ``attempt`` of ``derived``."""
         from genie_sim.analysis import summary
-        from genie_sim.report import comparison, html_page, template
+        from genie_sim.report import pages, template
 
         with attempt("summary.md"):
             write_summary(folder / "summary.md", summary.markdown(results))
@@ -53,15 +53,15 @@ class Output:
         if self.page:
             with attempt(template.NAME):
                 if isinstance(results, SeedRuns):
-                    page = comparison.seeds_page(results, drawn)
+                    page = pages.of_seeds(results, drawn)
                 else:
-                    page = html_page.page(results, drawn=drawn)
+                    page = pages.of_run(results, drawn=drawn)
                 template.write(folder / template.NAME, page)
 
 
 DEFAULT_OUTPUT = Output()
-DRAWN = (  # what the commands ``report`` and ``figures`` may have drawn otherwise since
+SHOWN = (  # the names of all that it may write
+    "summary.md",
     "report.html",
     *(f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")),
 )
-SHOWN = ("summary.md", *DRAWN)  # the names of all that it may write

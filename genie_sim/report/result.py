@@ -4,23 +4,26 @@ and several of them, compared.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from genie_sim.analysis import registry
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
-from genie_sim.record import results
+from genie_sim.record import provenance, results
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from genie_sim.analysis.compare import ComparedRuns
+    from genie_sim.analysis.compare import Comparable, ComparedRuns
+    from genie_sim.analysis.seed_runs import SeedRuns
+
+Value = TypeVar("Value")
 
 
 class Result(ABC):
@@ -59,8 +62,7 @@ class Result(ABC):
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure. Raises ``UserError``."""
-        figure: Figure = named(name, self.figures(width_in), has_metrics=False)
-        return figure
+        return named(name, self.figures(width_in), has_metrics=False)
 
     @abstractmethod
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
@@ -103,7 +105,7 @@ class Comparison:
 
     Parameters
     ----------
-    results_ : sequence of Result or results.Run
+    results_ : sequence of Comparable
         What is compared; the first is what the others are compared with. Of one alone, its methods
         are compared in each of its settings.
     methods : sequence of str
@@ -116,7 +118,7 @@ class Comparison:
 
     def __init__(
         self,
-        results_: Sequence[Any],
+        results_: "Sequence[Comparable]",
         methods: Sequence[str] = (),
         labels: Sequence[str] = (),
         metrics: Sequence[str] = (),
@@ -184,8 +186,7 @@ class Comparison:
         metrics, methods = as_metrics(made, [name])
         if metrics or name in registry.METRICS:
             return metric_values(name, metrics, methods, made.by, width_in, own=made.words)
-        figure: Figure = named(name, self.figures(width_in))
-        return figure
+        return named(name, self.figures(width_in))
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """The table as ``markdown``, ``csv`` or ``latex``."""
@@ -207,9 +208,17 @@ class Comparison:
 
 
 def cells_of(
-    table: "pd.DataFrame", by: Sequence[str], like: results.Run
+    table: "pd.DataFrame",
+    by: Sequence[str],
+    methods: Sequence[results.MethodInfo],
+    *,
+    name: str,
+    genie_sim: str,
+    origin: object,
+    label: str = "",
+    words: registry.Words | None = None,
 ) -> dict[str, dict[int, results.Run]]:
-    """The cells of a table of numbers that has no other tables.
+    """The cells of a table of numbers: runs that have these, and no tables.
 
     Parameters
     ----------
@@ -218,25 +227,43 @@ def cells_of(
         numbers of methods as a whole are taken.
     by : sequence of str
         The columns that say which cell it is; their names and values name it.
-    like : results.Run
-        What runs have besides their numbers and seeds.
+    methods : sequence of MethodInfo
+        Those that ran.
+    name : str
+        Of what these are the cells, in the place of a scenario's name.
+    genie_sim : str
+        The version that made them.
+    origin : object
+        What the numbers were made from, as plain JSON values; it gives the runs their id.
+    label : str
+        What the user calls them; empty: by their name.
+    words : mapping, optional
+        What is said of metrics of the user's own.
     """
+    facts = {
+        "scenario": {"name": name},
+        "devices": {},
+        "genie_sim": genie_sim,
+        "methods": [asdict(method) for method in methods],
+    }
+    run_id = provenance.run_id({"origin": origin})
+    like = results.Run(run_id, facts, "", tables={}, measured=(), label=label, words=words or {})
     whole = table[(table["placement"] == "all") & (table["component"] == "")]
-    names = [name for name in results.METRIC_FIELDS if name in whole]
-    rows = whole[[*by, "seed", *names]].astype(object)
-    found: dict[tuple[Any, ...], list[results.MetricValue]] = {}
+    fields = [field for field in results.METRIC_FIELDS if field in whole]
+    rows = whole[[*by, "seed", *fields]].astype(object)
+    numbers: dict[tuple[Any, ...], list[results.MetricValue]] = {}
     for row in rows.where(rows.notna(), None).itertuples(index=False, name=None):
         place, number = row[: len(by) + 1], row[len(by) + 1 :]
-        found.setdefault(place, []).append(
-            results.MetricValue(**{"unit": "", **dict(zip(names, number, strict=True))})
+        numbers.setdefault(place, []).append(
+            results.MetricValue(**{"unit": "", **dict(zip(fields, number, strict=True))})
         )
     cells: dict[str, dict[int, results.Run]] = {}
-    for (*levels, seed), measured in found.items():
-        name = ", ".join(
+    for (*levels, seed), measured in numbers.items():
+        cell = ", ".join(
             f"{axis} {level_text(level)}" for axis, level in zip(by, levels, strict=True)
         )
-        facts = {**like.facts, "scenario": {**like.facts["scenario"], "seed": seed}}
-        cells.setdefault(name, {})[seed] = replace(like, facts=facts, measured=measured)
+        of_seed = {**facts, "scenario": {"name": name, "seed": seed}}
+        cells.setdefault(cell, {})[seed] = replace(like, facts=of_seed, measured=measured)
     return cells
 
 
@@ -245,7 +272,7 @@ def level_text(level: object) -> str:
     return f"{level:g}" if isinstance(level, float) else str(level)
 
 
-def figure_of_runs(run: Any, name: str, width_in: float | None) -> "Figure":
+def figure_of_runs(run: "results.Run | SeedRuns", name: str, width_in: float | None) -> "Figure":
     """A figure of a run or of several seeds, or the values of one metric. Raises ``UserError``."""
     from genie_sim.analysis.figures import makers as makers_of
     from genie_sim.analysis.points import metric_values
@@ -255,12 +282,10 @@ def figure_of_runs(run: Any, name: str, width_in: float | None) -> "Figure":
     if name not in makers and name in {*registry.METRICS, *measured}:
         shown = run.measured, run.methods, run.footer, width_in
         return metric_values(name, *shown, own=run.words)
-    draw = named(name, makers)
-    figure: Figure = draw()
-    return figure
+    return named(name, makers)()
 
 
-def named(name: str, known: Mapping[str, Any], *, has_metrics: bool = True) -> Any:
+def named(name: str, known: Mapping[str, Value], *, has_metrics: bool = True) -> Value:
     """What goes by this name. Raises ``UserError`` where no figure does."""
     if name not in known:
         text = unknown("figure", name, known)

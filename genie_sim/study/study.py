@@ -11,19 +11,19 @@ from functools import cached_property
 from pathlib import Path
 
 from genie_sim.analysis import metrics, registry, renderers
-from genie_sim.analysis.seed_runs import FORMAT, SWEEP_FILE, load_seeds, read_about
+from genie_sim.analysis.seed_runs import SWEEP_FILE, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import folders, provenance
-from genie_sim.report import html_page, template
+from genie_sim.report import pages, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design
 from genie_sim.study.plan import Plan, plan
-from genie_sim.study.work import Parts, Workers
+from genie_sim.study.work import Parts
 
 log = logging.getLogger(__name__)
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
@@ -98,12 +98,12 @@ class Study:
 
     def run(
         self,
-        workers: Workers,
+        jobs: int,
         shard: tuple[int, int] = (1, 1),
         progress: Progress | None = None,
     ) -> None:
-        """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when
-        all others are done.
+        """Runs what is missing of a shard ``(i, n)``, in so many processes. Raises ``UserError``;
+        where runs failed, when all others are done.
         """
         self._find_place()
         number, shards = shard
@@ -123,7 +123,7 @@ class Study:
         for path in replaced:  # of fewer points or seeds
             folders.keep_edited(path)
             path.unlink(missing_ok=True)
-        self._parts.run(runs, workers, progress, incomplete)
+        self._parts.run(runs, jobs, progress, incomplete)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> None:
         """Makes the tables and what ``output`` says. Raises ``UserError``: ``UnfinishedError``
@@ -148,7 +148,7 @@ class Study:
             for run in runs.runs if output.page else ():
                 if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
-                        html_page.write(page, run)
+                        template.write(page, pages.of_run(run))
             output.make(runs, self.folder, attempt)
 
     @property
@@ -172,7 +172,7 @@ class Study:
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, self._parts.read(self.plan.runs.keys()))
         crossed = [self.design.columns[name] for name in self.design.crossed]
-        about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
+        about = json.dumps({"sweep": self._settings()}, sort_keys=True).encode()
         tables.write_parquet(runs, self.folder / "runs.parquet", about)
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (
@@ -218,7 +218,7 @@ class Study:
     def _write_about(self) -> None:
         table_names = [name for name in TABLES if (self.folder / name).is_file()]
         about = {
-            "format": FORMAT,
+            "format": provenance.RESULT_FORMAT,
             **({"label": self.label} if self.label else {}),
             "sweep": self._settings(),
             "points": self.design.runs // len(self.design.seeds),

@@ -19,8 +19,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Run
-from genie_sim.report import comparison
+from genie_sim.record.results import MethodInfo, Run
+from genie_sim.report import comparison, pages
 from genie_sim.report.output import Output
 from genie_sim.report.result import cells_of
 from genie_sim.runs.folder import run_in_memory, run_to_folder
@@ -161,7 +161,7 @@ def test_settings_are_called_by_what_differs_where_that_is_short(
     made = compare([*usual, *slower], ["remote"])
     assert list(made.names) == ["device quadro_rtx_4000", "device jetson_tx2"]
     table = compare_tables.pairs(made)
-    assert renderers.html_table(table) in comparison.page(made, {})
+    assert renderers.html_table(table) in pages.of_comparison(made, {})
     rows = {(metric, arm): cells for metric, arm, *cells in table.texts()}
     assert {arm for _, arm in rows} == {"device jetson_tx2: remote (R)"}, (
         "the first has nothing to be compared with"
@@ -260,7 +260,7 @@ def read_again(run: Run, **scenario: object) -> Run:
 def test_runs_that_read_other_data_are_two_settings(usual: list[Run]):
     made = compare([usual[0], read_again(usual[0])])
     assert len(made.names) == 2 and list(made.settings) == ["traces.car1"]
-    assert '<h2 id="h-figures">' not in comparison.page(made, {}), "no heading of nothing"
+    assert '<h2 id="h-figures">' not in pages.of_comparison(made, {}), "no heading of nothing"
     with pytest.raises(UserError, match="no seed in common"):
         compare([usual[0], read_again(usual[1])])
 
@@ -287,19 +287,12 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     table = axes.to_frame(index=False, name=["rate", "seed", "method"])
     table = table.assign(metric="streaming_f1", placement="all", component="", n=100)
     table["value"] = table["rate"] + np.where(table["method"] == "genie", 0.25, 0.0)
-    facts = {
-        "scenario": {"name": "s"},
-        "devices": {},
-        "genie_sim": "1",
-        "methods": [
-            {"name": name, "title": name, "baseline": False} for name in ("remote", "genie")
-        ],
-    }
-    like = Run("0" * 12, facts, "", {}, ())
-    sweep = Cells(cells_of(table, ["rate"], like))
+    methods = [MethodInfo(name, name, baseline=False) for name in ("remote", "genie")]
+    about = {"name": "s", "genie_sim": "1", "origin": []}
+    sweep = Cells(cells_of(table, ["rate"], methods, **about))
     gains = [one.difference for one in compare([sweep]).rows if one.against]
     assert gains == pytest.approx([0.25, 0.25])
-    again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], like))
+    again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     made = compare([sweep, again], labels=["a", "b"])
     rows = {one.arm.label: one.difference for one in made.rows if one.against}
     assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4

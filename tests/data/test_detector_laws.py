@@ -16,7 +16,7 @@ from genie_sim.base import files
 from genie_sim.data.detectors.detector_laws import facts, laws_of
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
-from genie_sim.report import html_page
+from genie_sim.report import pages
 from genie_sim.runs.build import setup
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
@@ -87,7 +87,7 @@ def test_one_line_says_what_they_rest_on(detector: str, drive: str, text: str):
 def test_a_run_says_so_in_its_results():
     run = run_in_memory(load_scenario("street_1car_homo", [WINDOW, "methods=[local]"]))
     said = "Laws of yolox_nano: measured on this drive alone"
-    assert said in summary.markdown(run) and said in html_page.page(run, drawn={})
+    assert said in summary.markdown(run) and said in pages.of_run(run, drawn={})
     assert "Laws of" not in screen.text(run)
 
 

@@ -1,6 +1,11 @@
-"""What the log keeps of a frame that is lost, and of objects that a map forgets and finds again."""
+"""What the log writes: each value into its column, why a frame is lost, and objects that a map
+forgets and finds again.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from unittest import mock
 
 import pytest
 
@@ -11,15 +16,105 @@ from genie_sim.core.messages import (
     Forgotten,
     Header,
     Image,
+    ImageLookup,
     MapChange,
     ObjectLookups,
 )
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
+from genie_sim.sim.monitor import FaultSpan, HostUsage, LookEvent, Span, SpanLabel
 
 HEADER = Header(0, "camera_02", "car1")
+FRAME = Header(10, "camera_02", "car1")
 IMAGE = Image(HEADER, 1000, "", 0, CameraPose(0.0, 0.0, 1.6, 0.0), 1.4, None)
 GENIE = "car1/genie"
+
+
+def test_each_column_gets_its_own_value():
+    """No two columns of a row have the same value, so that two in each other's place are told."""
+    tables = new_tables()
+    log = Log("genie", tables, ["lookups", "looks", "poses", "objects", "steps"])
+    image = replace(IMAGE, header=FRAME, pose=CameraPose(2.5, 3.5, 4.5, 5.5))
+    log.published(image, 11, 12)
+    log.received(FRAME, 13)
+    for column, size in (("bytes_up", 14), ("bytes_down", 15)):
+        log.carried(column, replace(image, size_bytes=size))
+    log.observe("car", "g", ImageLookup(FRAME, "miss", "client", 16), 17)
+    seen = MapChange(0, "bus", (6.5, 7.5), 0.25)
+    looked_up = ObjectLookups(FRAME, "sighting", 18, 19, 20, 8.5, 21, changes=(seen,))
+    log.observe("edge", "h", looked_up, 22)
+    log.observe("car", "g", LookEvent(FRAME, "edge", "sent", gap_ns=23, looked_ns=24), 25)
+    path = Span(SpanLabel("hop", "car1"), 30, Span(None, 13, None, FRAME), FRAME)
+    log.answered(Detections(FRAME, (), "detector", "d", seen_in=FRAME), "own_detector", 30, path)
+    resource = mock.Mock(
+        kind="link",
+        capacity=31,
+        busy_ns=32,
+        queued=33,
+        completed=34,
+        drops=35,
+        sent_bytes=36,
+        occupancy=mock.Mock(total_ns=37, most=38),
+    )
+    resource.name = "car1->edge1"
+    log.sample([resource], 39)
+    log.used([HostUsage("car1", "car", "tx2", "wifi", *range(40, 49))])
+    log.failed([FaultSpan("outage", "car1", 50, 51)])
+    log.close()
+    about = {"method": "genie", "car": "car1", "stream": "camera_02", "stamp_ns": 10}
+    lookup = about | {"t_ns": 17, "genie": "g", "placement": "car", "kind": "image", "entries": 16}
+    lookup |= {"requester": "client", "outcome": "miss", "requests": 1, "hits": 0}
+    sighting = about | {"t_ns": 22, "genie": "h", "placement": "edge", "kind": "sighting"}
+    sighting |= {"requester": None, "outcome": None, "requests": 18, "hits": 19, "updates": 20}
+    expected = {
+        "frames": [
+            about
+            | {"frame": 11, "lap": 12, "received_ns": 13, "bytes_up": 14, "bytes_down": 15}
+            | dict.fromkeys(("first_answer_ns", "fresh_answer_ns", "result_answer_ns"), 30)
+            | dict.fromkeys(("first_looked_ns", "looked_ns"), 10)
+            | dict.fromkeys(("objects_fresh", "objects_result", "objects_served"), 0)
+            | {"source": "own_detector", "served_by": "d", "drop": None}
+            | {"image_hit": False, "coalesced": False}
+        ],
+        "lookups": [
+            lookup | {"updates": 0, "boost_sum": 0.0},
+            sighting | {"boost_sum": 8.5, "entries": 21},
+        ],
+        "looks": [
+            about
+            | {"t_ns": 25, "genie": "g", "way": "edge", "outcome": "sent"}
+            | {"looked_ns": 24, "gap_ns": 23}
+        ],
+        "poses": [
+            about
+            | {"frame": 11, "east_m": 2.5, "north_m": 3.5, "heading_rad": 5.5}
+            | {"horizontal_fov_rad": 1.4}
+        ],
+        "objects": [
+            {"method": "genie", "t_ns": 22, "genie": "h", "object": 0, "label": "bus"}
+            | {"east_m": 6.5, "north_m": 7.5, "confidence": 0.25}
+        ],
+        "steps": [
+            about | {"which": "both", "part": "hop", "place": "car1", "begin_ns": 13, "end_ns": 30}
+        ],
+        "resources": [
+            {"method": "genie", "t_ns": 39, "resource": "car1->edge1", "kind": "link"}
+            | {"capacity": 31, "busy_ns": 32, "queue": 33, "completed": 34, "dropped": 35}
+            | {"bytes": 36, "queue_ns": 37, "queue_max": 38}
+        ],
+        "hosts": [
+            {"method": "genie", "host": "car1", "placement": "car", "device": "tx2"}
+            | {"interface": "wifi", "accelerator_ns": 40, "cpu_ns": 41, "pictures": 42}
+            | {"batches": 43, "bytes_up": 44, "bytes_down": 45, "transfer_ns": 46}
+            | {"tail_ns": 47, "begin_ns": 48}
+        ],
+        "faults": [
+            {"method": "genie", "fault": "outage", "target": "car1", "begin_ns": 50, "end_ns": 51}
+        ],
+    }
+    for name, rows in expected.items():
+        frame = tables[name].to_frame().astype(object)
+        assert frame.where(frame.notna(), None).to_dict("records") == rows, name
 
 
 def log_of(tables: Tables) -> Log:

@@ -24,8 +24,8 @@ from genie_sim.cli.main import main
 from genie_sim.record.provenance import digests
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
-from genie_sim.report.html_page import write
-from genie_sim.report.template import NAME
+from genie_sim.report import pages
+from genie_sim.report.template import NAME, write
 from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -34,7 +34,6 @@ from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
 from genie_sim.study.sweep import Sweep
-from genie_sim.study.work import Workers
 from tests.checkout import REPOSITORY
 from tools.fuzz.files import one_file
 from tools.fuzz.harness import Case, Target
@@ -190,7 +189,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--seeds",
         "--jobs",
         "--shard",
-        "--scheduler",
         "--out",
     ),
     "list": (),
@@ -219,7 +217,7 @@ def options(folder: Path) -> Case:
         stopped = (
             "runs.folder.run_to_folder",
             "paper.reproduce.reproduce",
-            "data.importers.fetch.receive",
+            "data.fetch.receive",
             "scenario.device_fit.measure",
             "study.study.Study.run",
         )
@@ -265,7 +263,7 @@ def result_folders(folder: Path) -> Case:
         }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
         work = Study.of(load_design(folder / "s.yaml"), "s.yaml", folder)
-        work.run(Workers(1))
+        work.run(1)
         work.finish()
         swept = work.folder
     whole = {
@@ -287,7 +285,7 @@ def result_folders(folder: Path) -> Case:
             ):
                 rerun(run)
         elif what == 1:
-            write(folder / NAME, load_run(run))
+            write(folder / NAME, pages.of_run(load_run(run)))
         elif what == 2:
             compare_tables.text(compare([load_run(run)], ()), "csv")
         else:
