@@ -27,12 +27,12 @@ from genie_sim.analysis.statistics import has_interval, thinned
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
+from genie_sim.base.text import number_text
 from genie_sim.study.design import Axis, Design, Level
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MAX_TICKS = 8
 MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text
@@ -299,13 +299,31 @@ def _wrapped(label: str, narrow: bool = False) -> str:
 def _name_ticks(panel: Axes, names: Sequence[str]) -> None:
     """Names the places 0, 1, ... of the axis to the right, upright where they are long."""
     panel.set_xticks(range(len(names)), names)
-    figure = panel.get_figure(root=True)
-    assert figure is not None
-    room_in = panel.get_position().width * figure.get_figwidth()
-    longest = max(map(len, names), default=0) + 1
-    if len(names) * longest * character_in("xtick.labelsize") > room_in:
+    if len(names) * _longest_in(names) > _width_in(panel):
         for name in panel.get_xticklabels():
             name.set_rotation(90)
+
+
+def _have_room(panel: Axes, ticks: Sequence[float]) -> bool:
+    """Whether there are several ticks, from low to high, whose names have room on a logarithmic
+    axis.
+    """
+    if len(ticks) < 2:
+        return False
+    apart = np.diff(np.log(ticks))
+    room_in = 0.9 * _width_in(panel) * apart.min() / apart.sum()  # beside both margins
+    return bool(room_in > _longest_in([_shortened(tick) for tick in ticks]))
+
+
+def _longest_in(names: Sequence[str]) -> float:
+    """The width [in] of the longest name of a tick, and of a gap beside it."""
+    return (max(map(len, names), default=0) + 1) * character_in("xtick.labelsize")
+
+
+def _width_in(panel: Axes) -> float:
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    return float(panel.get_position().width * figure.get_figwidth())
 
 
 def _make_room(figure: Figure, rows: int) -> None:
@@ -362,9 +380,12 @@ def _draw(
         panel.set_xlim(-0.5, len(levels) - 0.5)
     elif _logarithmic(axis, numbers):
         panel.set_xscale("log")
-        few_values = len(numbers) <= MAX_TICKS and not axis.sampled
-        ticks = numbers if few_values else _round_ticks(min(numbers), max(numbers))
-        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        low, high = min(numbers), max(numbers)
+        choices = [_decades(low, high, (1, 2, 5)), _decades(low, high, (1,)), [low, high]]
+        if not axis.sampled:
+            choices.insert(0, sorted(numbers))
+        ticks = next((each for each in choices if _have_room(panel, each)), [low, high])
+        panel.set_xticks(ticks, [_shortened(tick) for tick in ticks])
         panel.xaxis.set_minor_locator(NullLocator())
 
 
@@ -419,14 +440,13 @@ def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
     return spans_much(numbers)
 
 
-def _round_ticks(low: float, high: float) -> list[float]:
-    """Powers of ten from ``low`` to ``high``; 2 and 5 times them as well where they are few."""
+def _decades(low: float, high: float, digits: Sequence[int]) -> list[float]:
+    """These digits in each power of ten, from ``low`` to ``high``."""
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    few = len(powers) <= 3
-    ticks = [digit * 10.0**power for power in powers for digit in ((1, 2, 5) if few else (1,))]
-    return [tick for tick in ticks if low <= tick <= high] or [low, high]
+    ticks = (digit * 10.0**power for power in powers for digit in digits)
+    return [tick for tick in ticks if low <= tick <= high]
 
 
 def _shortened(level: Level) -> str:
-    text = level if isinstance(level, str) else f"{level:g}"
+    text = level if isinstance(level, str) else number_text(level, digits=4)
     return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"

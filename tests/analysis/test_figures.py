@@ -302,16 +302,16 @@ def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
         MetricValue("first_answer_part", "remote", "all", part, value, "ms")
         for part, value in parts.items()
     ]
-    both = [*measured, *(replace(one, metric="fresh_answer_part") for one in measured)]
+    both = [*measured, *(one._replace(metric="fresh_answer_part") for one in measured)]
     later = [
-        replace(one, metric="fresh_answer_part", method="genie", value=2 * one.value)
+        one._replace(metric="fresh_answer_part", method="genie", value=2 * one.value)
         for one in measured
     ]
     assert parts_of([*both, *later], METHODS) == {
         "remote (R)": parts,
         "Genie (DG), fresh": {part: 2 * value for part, value in parts.items()},
     }
-    of_genie = [replace(one, method="genie") for one in measured]
+    of_genie = [one._replace(method="genie") for one in measured]
     assert list(parts_of([*of_genie, *later], METHODS)) == [
         "Genie (DG), first",
         "Genie (DG), fresh",
@@ -356,7 +356,7 @@ def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tabl
     assert drawn == {
         (titles[method], name, value) for (method, name), value in use.items() if name in names
     }
-    idle = [replace(one, value=0.0) for one in run.measured]
+    idle = [one._replace(value=0.0) for one in run.measured]
     assert "resources" not in figures.of_run(replace(run, measured=idle))
 
 

@@ -8,7 +8,6 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,6 @@ from genie_sim.core.messages import Header
 from genie_sim.record import tables
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FRAMES, LOOKUPS, OBJECTS, POSES, RESOURCES, SCHEMAS
-from genie_sim.record.results import MetricValue
 from genie_sim.record.tables import Column, Schema, Table
 
 MS = 1_000_000
@@ -425,8 +423,3 @@ def test_a_large_table_of_a_run_is_read(tmp_path, monkeypatch):
     path = tmp_path / "objects.parquet"
     some_objects(Table(OBJECTS), at_once=30).write(path)
     assert len(tables.read(path, OBJECTS)) == 150_000
-
-
-def test_a_metric_s_row_has_its_fields_in_order():
-    metric = MetricValue("hops", "genie", "car", "", value=1.5, unit="1", low=1.0, high=2.0, n=3)
-    assert metric.row == astuple(metric)

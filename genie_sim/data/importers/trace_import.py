@@ -61,6 +61,8 @@ def new_detection(
 ) -> Detection:
     """A detection as a trace keeps it.
 
+    Raises UserError for a score that is none.
+
     Parameters
     ----------
     label : its class
@@ -68,8 +70,6 @@ def new_detection(
     box : left, top, right and bottom [pixels]; ``None`` where there is no picture
     location : of the object's centre in the world, (3,) [m]
     placed_by : what tells the place, such as ``scan``
-
-    Raises UserError for a score that is none.
     """
     if not 0 <= score <= 1:
         raise UserError(f"a {label} has the score {score:.3g}: scores must be from 0 to 1")
@@ -201,6 +201,8 @@ def traces(
 ) -> dict[str, ImportedCar]:
     """The traces of cars that share a clock, by their names.
 
+    Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
+
     Parameters
     ----------
     frames : of each car, in any order, with stamps of that clock
@@ -215,8 +217,6 @@ def traces(
     range_m : up to which objects are judged
     detected_in, truth_in : the files that detections and truth stand in, if they are others than
         the report's
-
-    Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
     truth_file.check_range(report.path, range_m)
     if first_ns is None:
