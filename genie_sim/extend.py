@@ -150,12 +150,14 @@ from genie_sim.data.frame_source import (
 )
 
 # A detector, and traces of what it finds.
+from genie_sim.data.detectors.boxes import DetectedBox as DetectedBox
 from genie_sim.data.detectors.detector import (
-    DetectedBox as DetectedBox,
     DetectorSettings as DetectorSettings,
     DETECTORS as DETECTORS,
-    ImageDetector as ImageDetector,
     detector_facts as detector_facts,
+)
+from genie_sim.data.detectors.image_detector import (
+    ImageDetector as ImageDetector,
     look as look,
 )
 from genie_sim.data.detectors.placement import (
@@ -176,20 +178,22 @@ from genie_sim.data.trace import (
 # An importer of recordings: tables, pictures, scans, places, what was there.
 from genie_sim.base.import_report import ImportReport as ImportReport
 from genie_sim.base.progress import Progress as Progress
-from genie_sim.data.importers.table_import import (
+from genie_sim.data.table_import import (
     Sensor as Sensor,
     cars_of_tables as cars_of_tables,
 )
-from genie_sim.data.importers.trace_import import (
+from genie_sim.data.intake import (
     ImportedCar as ImportedCar,
     traces as traces,
     write_cars as write_cars,
+    tell_network as tell_network,
+    write_told as write_told,
+)
+from genie_sim.data.reader_frames import (
     picture_frame as picture_frame,
     scan_frame as scan_frame,
     new_detection as new_detection,
     placed as placed,
-    tell_network as tell_network,
-    write_told as write_told,
 )
 from genie_sim.data.encoding import (
     Picture as Picture,

@@ -7,7 +7,6 @@ import click
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
-from genie_sim.cli import completion
 from genie_sim.cli.arguments import PATH
 from genie_sim.cli.terminal import ProgressBar
 
@@ -16,7 +15,6 @@ from genie_sim.cli.terminal import ProgressBar
 @click.argument(
     "what",
     metavar="{model|drive}",
-    shell_complete=completion.fixed("model", "drive"),
     help="What is fetched.",
 )
 @click.argument("name", help="Such as yolox-nano, or 2011_09_26_drive_0005.")
@@ -27,7 +25,7 @@ from genie_sim.cli.terminal import ProgressBar
 )
 def fetch(what: str, name: str, out: Path | None) -> None:
     """Take the files of a detector or a drive from the network. No other command touches it."""
-    from genie_sim.data.importers import fetch as network
+    from genie_sim.data import fetch as network
 
     if what not in ("model", "drive"):
         raise UserError(unknown("kind of thing to fetch", what, ("model", "drive")))

@@ -43,7 +43,7 @@ def import_link(
     """
     from genie_sim.base.import_report import ImportReport
     from genie_sim.base.paths import sha256_of
-    from genie_sim.data.importers.link_import import IMPORTERS
+    from genie_sim.data.link_import import IMPORTERS
     from genie_sim.links import recording
 
     if format not in DIRECTED:

@@ -57,7 +57,7 @@ def import_tables(
     range_m = arguments.quantity("--range", range_, units.length_m)
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.data.importers import table_import, trace_import
+    from genie_sim.data import intake, table_import
     from genie_sim.data.truth import MAX_RANGE_M
     from genie_sim.data.world_table import SOMEWHERE
 
@@ -75,6 +75,6 @@ def import_tables(
         classes=of_labels,
         report=report,
     )
-    for line in trace_import.write_cars(out, cars):
+    for line in intake.write_cars(out, cars):
         click.echo(line)
     tell(report)

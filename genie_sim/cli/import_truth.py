@@ -32,7 +32,7 @@ def import_truth(
     from genie_sim.base.import_report import ImportReport
     from genie_sim.data import truth
     from genie_sim.data.kitti import perceive
-    from genie_sim.data.kitti.labels import make_truth
+    from genie_sim.data.kitti.drive_truth import make_truth
     from genie_sim.data.trace import read_trace
 
     path, root = files.find(files.TRACE, trace), perceive.kitti_folder(kitti)

@@ -68,7 +68,7 @@ def perceive(
 ) -> None:
     """Run a detector over a drive; write its trace."""
     from genie_sim.base.import_report import ImportReport
-    from genie_sim.data.importers.trace_import import write_told
+    from genie_sim.data.intake import write_told
     from genie_sim.data.kitti import perceive as perception
     from genie_sim.data.trace import check_replaceable
 

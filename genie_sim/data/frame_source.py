@@ -71,7 +71,10 @@ class Drives:
         raise NotImplementedError
 
     def digests(self) -> Mapping[str, str]:
-        """What decides the frames handed out so far, for the run's id: digests by name."""
+        """What decides the frames handed out so far, for the run's id: digests by name. A source
+        that is ``seeded`` gives all of them once it is open: runs with other seeds are planned by
+        them, before a drive is handed out.
+        """
         raise NotImplementedError
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:

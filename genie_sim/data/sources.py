@@ -5,7 +5,6 @@ To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SO
 scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -71,39 +70,31 @@ class Recording:
 @dataclass
 class RecordedDrives(Drives):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
-    of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
-    if it has no file. Of two traces of one name the later has the beginning of its digest in it.
+    of a trace (``path`` is the main one's) there may be a truth table. Of two traces of one name
+    the later has the beginning of its digest in it.
     """
 
     main: "Trace"
     origin: Geodetic | None = None
     path: Path | None = None
-    truth: "TruthTable | None" = None
     _recordings: dict[str | None, Recording] = field(default_factory=dict)  # by the route's trace
     _of_cars: dict[str, Recording] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "Trace":
+        from genie_sim.data.trace import read_trace
+
         if trace not in self._recordings:
-            self._recordings[trace] = self._main() if trace is None else self._named(trace)
+            path = self.path if trace is None else files.find(files.TRACE, trace)
+            recorded = self.main if trace is None or path is None else read_trace(path)
+            self._recordings[trace] = self._placed(recorded, path)
         self._of_cars[car] = self._recordings[trace]
         return self._of_cars[car].trace
 
-    def _main(self) -> Recording:
+    def _placed(self, trace: "Trace", path: Path | None) -> Recording:
+        """Around the origin, with a name of its own, and the truth beside its file."""
         from genie_sim.data.truth import truth_beside
 
-        truth = self.truth if self.path is None else truth_beside(self.path, self.main)
-        return self._placed(self.main, self.path, truth)
-
-    def _named(self, name: str) -> Recording:
-        from genie_sim.data.trace import read_trace
-        from genie_sim.data.truth import truth_beside
-
-        path = files.find(files.TRACE, name)
-        trace = read_trace(path)
-        return self._placed(trace, path, truth_beside(path, trace))
-
-    def _placed(self, trace: "Trace", path: Path | None, truth: "TruthTable | None") -> Recording:
-        """Around the origin, with a name of its own."""
+        truth = None if path is None else truth_beside(path, trace)
         origin = self.main.origin if self.origin is None else self.origin
         trace = trace.rebased(origin)
         namesakes = (other for other in self._recordings.values() if other.trace.name == trace.name)
@@ -153,9 +144,9 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
     about = _perceived(trace)
     if not beside.is_file():
         way = "nor pictures to make it of"
-        if {"input_size", "min_score", "cameras"} <= about["parameters"].keys() and about["drive"]:
-            words = [*_command(trace.provenance), "--encoding", encoding, "--out", str(beside)]
-            way = f"'{shlex.join(words)}' makes it"
+        if about["drive"]:
+            command = f"genie-sim perceive --drive {about['drive']} --encoding {encoding} --out "
+            way = f"'{command}{beside}', with the options that made {path.name}, makes it"
         raise UserError(
             f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {way}"
         )
@@ -175,28 +166,6 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
                 "make it again, or take it away"
             )
     return encoded.rebased(trace.origin)
-
-
-def _command(about: Mapping[str, Any]) -> list[str]:
-    """The command that perceives a drive as a trace's provenance tells; a detector of the user's
-    own is only known by its name there.
-    """
-    from genie_sim.data.detectors.detector import DETECTORS
-
-    parameters = about["parameters"]
-    options = {
-        "drive": about["drive"],
-        "detector": about["detector"] if about["detector"] in DETECTORS else "MODULE:CLASS",
-        "size": "x".join(map(str, parameters["input_size"])),
-        "min-score": str(parameters["min_score"]),
-        "cameras": ",".join(parameters["cameras"]),
-    }
-    if "threads" in parameters:
-        options["threads"] = str(parameters["threads"])
-    words = [word for name, value in options.items() for word in (f"--{name}", value)]
-    for label, kind in parameters.get("classes", {}).items():
-        words += ["--map", f"{label}={kind}"]
-    return ["genie-sim", "perceive", *words]
 
 
 def _perceived(trace: "Trace") -> dict[str, Any]:

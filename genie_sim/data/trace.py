@@ -46,7 +46,16 @@ PIXEL_DECIMALS = 2
 ANGLE_DECIMALS = 6
 
 MAX_HEADING_RAD = 2 * math.pi
-MAX_STAMP_NS = 2**63 - 1
+# The lowest and highest values of a frame, by the kind of its sensor: a lidar has no picture.
+_OF_BOTH = {"stamp_ns": (0, 2**63 - 1), "size_bytes": (1, 2**63 - 1)}
+LIMITS: Mapping[SensorKind, Mapping[str, tuple[float, float]]] = {
+    "camera": _OF_BOTH
+    | dict.fromkeys(("width", "height"), (1, 2**31))
+    | {"horizontal_fov_rad": (1e-6, math.pi - 1e-6)},
+    "lidar": _OF_BOTH
+    | dict.fromkeys(("width", "height"), (0, 0))
+    | {"horizontal_fov_rad": (1e-6, math.tau)},
+}
 
 MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
 RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
@@ -239,38 +248,30 @@ def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[Trace
             raise UserError(f"{where}: index does not follow {earlier[-1].index}")
         if frame.kind not in KINDS:
             raise UserError(f"{where}: {unknown('kind of sensor', frame.kind, KINDS)}")
-        if frame.stamp_ns > MAX_STAMP_NS:
-            raise UserError(f"{where}: stamp_ns {frame.stamp_ns} is more than {MAX_STAMP_NS:.2g}")
-        if frame.stamp_ns < 0 or frame.size_bytes <= 0:
-            raise UserError(f"{where}: stamp_ns and size_bytes must not be negative or zero")
-        pictured = frame.kind == "camera"
-        if pictured and min(frame.width, frame.height) <= 0:
-            raise UserError(f"{where}: width and height must not be negative or zero")
-        if not pictured and (frame.width, frame.height) != (0, 0):
-            raise UserError(f"{where}: a {frame.kind} has no picture: width and height must be 0")
+        for name, (low, high) in LIMITS[frame.kind].items():
+            value = getattr(frame, name)
+            if not low <= value <= high:
+                raise UserError(
+                    f"{where}: {name} of a {frame.kind} must be from {low:.6g} to {high:.6g}, "
+                    f"not {value!r}"
+                )
         if not (in_range(frame.pose[:3]) and in_range(frame.pose[3:], MAX_HEADING_RAD)):
             raise UserError(
                 f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]"
             )
-        fov_rad = frame.horizontal_fov_rad
-        if pictured and not 0 < fov_rad < math.pi:
-            raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and pi")
-        if not pictured and not 0 < fov_rad <= 2 * math.pi:
-            raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and 2 pi")
         for detection in frame.detections:
+            texts = (detection.label, detection.placed_by)
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
-            if not in_range(numbers):
+            if not (in_range(numbers) and all(isinstance(text, str) for text in texts)):
                 raise UserError(
-                    f"{where}: a {detection.label} whose score, box or location is not a number "
-                    "in range"
+                    f"{where}: a detection has label and method {texts}, and score, box and place "
+                    f"{numbers}: must be texts, and numbers in range"
                 )
             if not 0 <= detection.score <= 1:
                 raise UserError(
                     f"{where}: a {detection.label} of score {detection.score:g}; must be from 0 "
                     "to 1"
                 )
-            if not (isinstance(detection.label, str) and isinstance(detection.placed_by, str)):
-                raise UserError(f"{where}: a detection without a label or a method")
         earlier.append(frame)
     if not by_camera:
         raise UserError(f"{path}: the trace has no frames")

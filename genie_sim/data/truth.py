@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from genie_sim.base.classes import CANONICAL, class_of
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import remembered
@@ -69,8 +69,8 @@ class TruthRow(NamedTuple):
 @dataclass(frozen=True)
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
-    trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin, rows, reach
-    and range.
+    trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin and rows,
+    and of the range where it is not the usual one.
 
     An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
@@ -171,13 +171,18 @@ def check(path: object, table: TruthTable) -> None:
     """
     if not isinstance(table.provenance.get("trace"), str):
         raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
-    for row in table.rows:
-        if not world_table.in_range(row.location):
-            raise UserError(
-                f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object} at "
-                f"{row.location} is at no place on Earth [m]"
-            )
+    check_rows(path, table.rows)
     check_range(f"{path}: metadata", table.range_m)
+
+
+def check_rows(path: object, rows: Sequence[TruthRow]) -> None:
+    """Raises UserError, naming ``path``, for objects of no class or at no place."""
+    for row in rows:
+        where = f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object}"
+        if row.label not in CANONICAL:
+            raise UserError(f"{where}: label: {unknown('class', row.label, CANONICAL)}")
+        if not world_table.in_range(row.location):
+            raise UserError(f"{where} at {row.location} is at no place on Earth [m]")
 
 
 def check_range(where: object, range_m: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from genie_sim.cli.main import main
-from genie_sim.data.importers import table_import, trace_import
+from genie_sim.data import intake, table_import
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.links import recording
 
@@ -27,7 +27,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return []
 
     monkeypatch.setattr(table_import, "cars_of_tables", cars_of_tables)
-    monkeypatch.setattr(trace_import, "write_cars", lambda out, _: [f"{out}: written"])
+    monkeypatch.setattr(intake, "write_cars", lambda out, _: [f"{out}: written"])
     return given
 
 

@@ -13,9 +13,8 @@ import pytest
 from genie_sim.base import files
 from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
-from genie_sim.data import trace, truth
-from genie_sim.data.importers import trace_import
-from genie_sim.data.kitti import labels, perceive
+from genie_sim.data import intake, trace, truth
+from genie_sim.data.kitti import drive_truth, perceive
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
@@ -44,7 +43,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
     monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
-    monkeypatch.setattr(trace_import, "write_trace", noting("write"))
+    monkeypatch.setattr(intake, "write_trace", noting("write"))
     return told
 
 
@@ -115,7 +114,7 @@ def test_what_is_there_on_a_drive_is_counted(monkeypatch, capsys):
         asked.append(given)
         return table
 
-    monkeypatch.setattr(labels, "make_truth", make_truth)
+    monkeypatch.setattr(drive_truth, "make_truth", make_truth)
     monkeypatch.setattr(truth, "write_truth", lambda path, _: written.append(path))
     line = ["import", "truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
     assert main(line) == 0 and main([*line, "--out", "o.parquet"]) == 0

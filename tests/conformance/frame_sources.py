@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import Scenario
+from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from tests.conformance import small
 
 
@@ -50,6 +50,10 @@ class FrameSourceConformance:
     def test_it_says_whether_a_seed_matters(self, source: dict[str, Any]):
         one, other = (prepare(self.scenario(source, seed=seed)).frames for seed in (1, 2))
         assert (dict(one.digests()) != dict(other.digests())) == one.seeded
+        if one.seeded:
+            scenario = self.scenario(source, seed=1)
+            opened = FRAME_SOURCE.make(scenario.perception).open(1, scenario.origin)
+            assert opened.digests() == one.digests(), "runs are planned by them"
 
     def test_where_its_frames_come_from_can_be_written_down(self, source: dict[str, Any]):
         frames = prepare(self.scenario(source)).frames

@@ -14,8 +14,8 @@ import pymap3d
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.detector import DetectorSettings
-from genie_sim.data.importers.table_import import Sensor, cars_of_tables
 from genie_sim.data.kitti.perceive import FrameSelection, perceive
+from genie_sim.data.table_import import Sensor, cars_of_tables
 from tests.data.tracking_files import CALIBRATION
 from tests.kitti_folder import DATE, make_network, make_street
 from tools.make.published import tracking_trace

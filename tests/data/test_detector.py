@@ -5,8 +5,10 @@ import pytest
 
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
-from genie_sim.data.detectors.detector import DetectorSettings, YoloxNano, find_weights
-from genie_sim.data.detectors.onnx_detector import COCO_LABELS, best_boxes, letterbox
+from genie_sim.data.detectors.boxes import COCO_LABELS, best_boxes
+from genie_sim.data.detectors.detector import DetectorSettings, find_weights
+from genie_sim.data.detectors.networks import YoloxNano
+from genie_sim.data.detectors.onnx_detector import letterbox
 from tests.kitti_folder import DATE, make_network
 
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.kitti.labels import PictureLabels, read_labels
-from genie_sim.data.kitti.object_label import ObjectLabel
+from genie_sim.data.kitti.drive_truth import PictureLabels, read_labels
+from genie_sim.data.kitti.label import ObjectLabel
 from genie_sim.data.trace import Trace, read_trace
 from tests.kitti_folder import DATE, make_drive
 from tests.make import trace_frame

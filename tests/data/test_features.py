@@ -13,7 +13,7 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.features import UNIT, packed, unpacked
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.detectors.onnx_detector import add_last_activation
+from genie_sim.data.detectors.onnx_session import add_last_activation
 from genie_sim.data.trace import Trace, feature_facts, read_trace, write_trace
 from genie_sim.worlds.scene.keys import mix
 from genie_sim.worlds.scene.surrogate import Surrogate

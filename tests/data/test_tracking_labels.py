@@ -14,7 +14,7 @@ import pytest
 from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import inverse, project, transform
-from genie_sim.data.kitti.labels import make_truth, read_labels
+from genie_sim.data.kitti.drive_truth import make_truth, read_labels
 from genie_sim.data.kitti.tracking_labels import tracking_labels
 from genie_sim.data.kitti.tracking_sequence import open_sequence, sequences
 from genie_sim.data.kitti.tracklets import _box_of
@@ -222,7 +222,7 @@ def test_a_labelled_box_projects_to_its_place_in_the_image(kitti_root):
         drive = open_sequence(training, sequence)
         labels = tracking_labels(training / "label_02" / f"{sequence}.txt", drive)
         for frame, label in labels:
-            if label is None or not label.counts or label.group != "vehicles":
+            if not label.counts or label.group != "vehicles":
                 continue
             x1, y1, x2, y2 = label.box
             if x1 > 1 and x2 < drive.size[0] - 2 and y2 < drive.size[1] - 2:  # all in the picture

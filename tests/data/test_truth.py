@@ -11,7 +11,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
-from genie_sim.data.kitti.labels import make_truth
+from genie_sim.data.kitti.drive_truth import make_truth
 from genie_sim.data.sources import RecordedDrives, encoded_beside
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth import (

@@ -12,7 +12,7 @@ import pytest
 from import_v2v4real import DETECTIONS, LABELS, imported
 
 from genie_sim.base.errors import UserError
-from genie_sim.data.importers.trace_import import ImportedCar
+from genie_sim.data.intake import ImportedCar
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import TruthRow, read_truth_table
 from genie_sim.runs.folder import run_in_memory
@@ -149,6 +149,7 @@ def test_a_car_among_few_objects_is_told():
     assert len(nothing.doubts()) == 3
 
 
+@pytest.mark.slow
 def test_one_command_writes_what_a_scenario_takes(root: Path, tmp_path: Path, capsys):
     options = ["--sequence", "train/0012", "--partner", str(street.PARTNER)]
     assert import_v2v4real.main([str(root), *options, "--out", str(tmp_path / "pair")]) == 0

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
+from genie_sim.data import fetch
 from genie_sim.data.detectors.detector import DetectorSettings
-from genie_sim.data.importers import fetch
 from genie_sim.data.kitti.drive import open_drive, read_image
-from genie_sim.data.kitti.labels import label_file
+from genie_sim.data.kitti.drive_truth import label_file
 from genie_sim.data.kitti.tracking_labels import tracking_labels
 from genie_sim.data.kitti.tracking_sequence import open_sequence
 from genie_sim.data.kitti.tracklets import tracklets

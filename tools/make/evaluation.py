@@ -21,10 +21,10 @@ from genie_sim.base.classes import GROUPS
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Box, Detection
+from genie_sim.data.detectors.boxes import MIN_SCORE
 from genie_sim.data.detectors.detector import DetectorSettings
-from genie_sim.data.detectors.onnx_detector import MIN_SCORE
-from genie_sim.data.kitti.labels import PictureLabels, read_labels
-from genie_sim.data.kitti.object_label import ObjectLabel
+from genie_sim.data.kitti.drive_truth import PictureLabels, read_labels
+from genie_sim.data.kitti.label import ObjectLabel
 from genie_sim.data.kitti.perceive import FrameSelection, kitti_folder, perceive
 from genie_sim.data.trace import MIN_HEIGHT_PX, Trace
 

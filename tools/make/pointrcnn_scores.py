@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from genie_sim.data.kitti import tracking_sequence
-from genie_sim.data.kitti.labels import read_labels
+from genie_sim.data.kitti.drive_truth import read_labels
 from genie_sim.data.kitti.perceive import kitti_folder
 from tools.make import published
 from tools.make.evaluation import evaluate

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from genie_sim.base import files
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.units import NS_PER_S
-from genie_sim.data.kitti.labels import read_labels
+from genie_sim.data.kitti.drive_truth import read_labels
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.trace import Trace, read_trace
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws

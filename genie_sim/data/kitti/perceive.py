@@ -1,8 +1,7 @@
 """Frames to a trace: every picture of a drive through a detector, every box placed in the world."""
 
 import os
-from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,19 +13,13 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.data.detectors import placement
-from genie_sim.data.detectors.detector import DetectorSettings, ImageDetector, detector_facts
-from genie_sim.data.detectors.onnx_detector import NMS_IOU
-from genie_sim.data.importers.trace_import import tell_network, traces
-from genie_sim.data.kitti.drive import (
-    ATTRIBUTION,
-    ATTRIBUTION_OF_ODOMETRY,
-    ODOMETRY,
-    CameraFrame,
-    KittiDrive,
-    open_drive,
-)
+from genie_sim.data.detectors.boxes import NMS_IOU
+from genie_sim.data.detectors.detector import DetectorSettings, detector_facts
+from genie_sim.data.detectors.image_detector import ImageDetector
+from genie_sim.data.intake import tell_network, traces
+from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, open_drive
 from genie_sim.data.kitti.pipeline import trace_frames
-from genie_sim.data.trace import Trace, TraceFrame
+from genie_sim.data.trace import Trace
 
 DEFAULT_DETECTOR = DetectorSettings()
 TRACE_PREFIXES = {"2011_09_26": "kitti", "odometry": "odometry"}  # else the date is in the name
@@ -100,7 +93,6 @@ def perceive(
         if progress is not None:
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
-    _tell_sizes(drive, pictures, report)
     name = trace_name(frames.drive)
     imported = traces(
         {name: pictures},
@@ -119,18 +111,6 @@ def trace_name(drive: str) -> str:
     """
     folder, _, number = drive.partition("/")
     return f"{TRACE_PREFIXES.get(folder, f'kitti_{folder}')}_{number}"
-
-
-def _tell_sizes(drive: KittiDrive, frames: Iterable[TraceFrame], report: ImportReport) -> None:
-    """Warns of pictures that have another size than the calibration."""
-    sizes = Counter((frame.camera, frame.width, frame.height) for frame in frames)
-    for (camera, width, height), count in sorted(sizes.items()):
-        size = drive.frames[camera][0].size
-        if size is not None and (width, height) != size:
-            report.warn(
-                f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
-                f"calibration's {size[0]}x{size[1]}: its matrix is scaled"
-            )
 
 
 def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:
@@ -169,7 +149,7 @@ def _provenance(
     if settings.classes:
         parameters["classes"] = dict(settings.classes)
     return {
-        "data": ATTRIBUTION_OF_ODOMETRY if drive.name.startswith(ODOMETRY) else ATTRIBUTION,
+        "data": drive.attribution,
         "drive": drive.name,
         "drive_sha256": drive.digest(),
         "parameters": parameters,

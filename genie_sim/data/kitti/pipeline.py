@@ -12,12 +12,12 @@ import cv2
 from genie_sim.base.geometry import Array
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
-from genie_sim.data.detectors.detector import ImageDetector, look
+from genie_sim.data.detectors.image_detector import ImageDetector, look
 from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.encoding import picture_of
-from genie_sim.data.importers.trace_import import picture_frame, placed
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
+from genie_sim.data.reader_frames import picture_frame, placed
 from genie_sim.data.trace import TraceFrame
 
 LASER_HEIGHT_M = 1.73  # https://www.cvlibs.net/datasets/kitti/setup.php
@@ -62,9 +62,9 @@ def trace_frames(
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
         picture, image = picture_of(image, data, encoding)
-        intrinsics = frame.intrinsics_of(picture.size)
+        frame.check_size(picture.size)
         camera_SE3_velo = drive.camera_SE3_velo(frame.camera)
-        placement = Placement(intrinsics, picture.size, camera_SE3_velo, scan, ground=ground)
+        placement = Placement(frame.intrinsics, picture.size, camera_SE3_velo, scan, ground=ground)
         boxes, features = look(image, detector)
         return picture_frame(
             camera=frame.camera,
@@ -72,7 +72,7 @@ def trace_frames(
             stamp_ns=frame.stamp_ns,
             picture=picture,
             world_SE3_camera=frame.world_SE3_camera,
-            intrinsics=intrinsics,
+            intrinsics=frame.intrinsics,
             detections=[placed(box, placement, frame.world_SE3_camera) for box in boxes],
             features=features,
         )

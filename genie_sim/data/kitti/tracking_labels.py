@@ -7,8 +7,8 @@ from pathlib import Path
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.geometry import transform
 from genie_sim.core.messages import Location
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
-from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.tracking_sequence import (
     CAMERA,
     TRACKING,
@@ -23,7 +23,7 @@ SAME_PLACE_M = 1.0
 
 def labels_of_sequence(
     root: Path, name: str, path: Path, trace: Trace
-) -> Iterator[tuple[PictureKey, ObjectLabel | None]]:
+) -> Iterator[tuple[PictureKey, ObjectLabel]]:
     """The labels in a file for the pictures of a trace of the same drive. Raises UserError where it
     is another.
     """
@@ -54,7 +54,7 @@ def _is_at(drive: TrackingSequence, frame: int, place: Location) -> bool:
     return math.dist(place, drive.world_SE3_camera2(frame)[:3, 3].tolist()) <= SAME_PLACE_M
 
 
-def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel | None]]:
+def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel]]:
     """The frame and the label of every line of the ``label_02`` file of a sequence. Raises
     UserError.
     """
@@ -64,7 +64,7 @@ def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, Obje
         with as_user_error(f"{where}: not a tracking label", IndexError, ValueError, OverflowError):
             frame, track = int(fields[0]), int(fields[1])
             truncation, occlusion = int(float(fields[3])), int(fields[4])
-            x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
+            x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, fields[6:16])
         if not are_plausible([x1, y1, x2, y2, height_m, x, y, z]):
             raise UserError(f"{where}: not a tracking label: a number is not finite, or too large")
         if not 0 <= frame < len(drive.world_SE3_camera0):

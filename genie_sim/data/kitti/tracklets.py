@@ -12,8 +12,8 @@ from genie_sim.base.geometry import Array, project, rotation_from_rpy, transform
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Box
 from genie_sim.data.kitti.drive import open_drive
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.number_files import are_plausible
-from genie_sim.data.kitti.object_label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.trace import Trace
 
 BEHIND = 99  # KITTI's code of truncation for what is partly behind the image plane
@@ -77,7 +77,7 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 
 def labels_of_drive(
     root: Path, name: str, path: Path, trace: Trace
-) -> Iterator[tuple[PictureKey, ObjectLabel | None]]:
+) -> Iterator[tuple[PictureKey, ObjectLabel]]:
     """The labels in a file of tracklets for the pictures of a trace of the drive of this name."""
     objects = tracklets(path)
     drive = open_drive(
@@ -92,13 +92,14 @@ def labels_of_drive(
                     f"{root}: drive {name}: has no frame {frame.index} of camera {camera}"
                 )
             size = (frame.width, frame.height)
-            intrinsics = frames_by_index[frame.index].intrinsics_of(size)
+            picture = frames_by_index[frame.index]
+            picture.check_size(size)
             for track, item in enumerate(objects):
                 i = frame.index - item.first
                 if not 0 <= i < len(item.centres):
                     continue
                 corners = transform(camera_SE3_velo, item.corners(i))
-                box = _box_of(corners, intrinsics, size)
+                box = _box_of(corners, picture.intrinsics, size)
                 if box is None:
                     continue
                 centre = transform(drive.world_SE3_velo(frame.index), item.centres[i])

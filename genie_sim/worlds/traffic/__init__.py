@@ -5,6 +5,6 @@ where each vehicle is at any time, ``view`` which of them a camera sees, ``traff
 of them (``worlds.scene``), in which some carry cameras, and ``source`` has the settings in a
 scenario.
 
-It is a world and no drive's frames (``data.importers.trace_import``): its file has no detections,
-and what a car sees is computed at the car's own times.
+It is a world and no drive's frames (``data.intake``): its file has no detections, and what a car
+sees is computed at the car's own times.
 """

@@ -161,7 +161,7 @@ def import_bag(
     """
     from genie_sim.base.import_report import ImportReport
     from genie_sim.base.units import length_m
-    from genie_sim.data.importers.trace_import import write_told
+    from genie_sim.data.intake import write_told
     from genie_sim.data.trace import check_replaceable
     from genie_sim_ros.bags import BagTopics, perceive_bag
 

@@ -12,7 +12,7 @@ import numpy as np
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection, Location
-from genie_sim.data.kitti.labels import PictureLabels
+from genie_sim.data.kitti.drive_truth import PictureLabels
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, REACHES_M
 from genie_sim.worlds.town.rules import GHOST_BESIDE_M

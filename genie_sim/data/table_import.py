@@ -9,11 +9,11 @@ import bisect
 import hashlib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, Union
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, Union
 
 import numpy as np
 
@@ -34,15 +34,8 @@ from genie_sim.base.tables import (
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.importers.trace_import import (
-    BEYOND_M,
-    CLOSEST_NS,
-    ImportedCar,
-    new_detection,
-    rounded_pose,
-    scan_frame,
-    traces,
-)
+from genie_sim.data.intake import BEYOND_M, CLOSEST_NS, ImportedCar, traces
+from genie_sim.data.reader_frames import new_detection, rounded_pose, scan_frame
 from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, TraceFrame
 from genie_sim.data.truth import TruthObject
 from genie_sim.data.world_table import SOMEWHERE
@@ -60,23 +53,67 @@ MOVING_OVER_S = 1.0  # the time over which a speed is computed
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 CAR = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*", re.ASCII)
 
-_PLACE = (EAST, NORTH)
-_UP = FileColumn("up_m", lowest=-MAX_UP_M, highest=MAX_UP_M, optional=True)
-_CAR = FileColumn("car", "text", optional=True)
-_LABEL = FileColumn("label", "text")
-POSES = (_CAR, TIME, *_PLACE, FileColumn("heading_deg", lowest=-3600, highest=3600), _UP)
-DETECTIONS = (_CAR, TIME, _LABEL, *_PLACE, FileColumn("score", lowest=0.0, highest=1.0), _UP)
-TRUTH = (
-    _CAR,
-    TIME,
-    FileColumn("object", "text"),
-    _LABEL,
-    *_PLACE,
-    FileColumn("moving", "flag", optional=True),
-    FileColumn("visible", "flag", optional=True),
-    _UP,
-)
-COLUMNS = {"poses": POSES, "detections": DETECTIONS, "truth": TRUTH}
+
+class PoseRow(NamedTuple):
+    """A car's pose, which is one frame; columns as in ``COLUMNS``."""
+
+    car: str | None
+    time_s: float
+    east_m: float
+    north_m: float
+    heading_deg: float
+    up_m: float | None
+
+
+class DetectionRow(NamedTuple):
+    """A detection in the frame of its time; columns as in ``COLUMNS``."""
+
+    car: str | None
+    time_s: float
+    label: str
+    east_m: float
+    north_m: float
+    score: float
+    up_m: float | None
+
+
+class ObjectRow(NamedTuple):
+    """An object of the truth at a time; without a car it counts for all. Columns as in
+    ``COLUMNS``.
+    """
+
+    car: str | None
+    time_s: float
+    object: str
+    label: str
+    east_m: float
+    north_m: float
+    moving: bool | None
+    visible: bool | None
+    up_m: float | None
+
+
+COLUMNS = {
+    column.name: column
+    for column in (
+        TIME,
+        EAST,
+        NORTH,
+        FileColumn("up_m", lowest=-MAX_UP_M, highest=MAX_UP_M, optional=True),
+        FileColumn("heading_deg", lowest=-3600, highest=3600),
+        FileColumn("car", "text", optional=True),
+        FileColumn("object", "text"),
+        FileColumn("label", "text"),
+        FileColumn("score", lowest=0.0, highest=1.0),
+        FileColumn("moving", "flag", optional=True),
+        FileColumn("visible", "flag", optional=True),
+    )
+}
+Row = TypeVar("Row", PoseRow, DetectionRow, ObjectRow)
+
+
+def _place(row: PoseRow | DetectionRow | ObjectRow) -> Location:
+    return row.east_m, row.north_m, row.up_m or 0.0
 
 
 @dataclass(frozen=True)
@@ -109,10 +146,15 @@ class _Table(NamedTuple):
         content = table.to_csv(index=False).encode()
         return cls(Path(name), hashlib.sha256(content).hexdigest(), DataFrameTable(table, name))
 
-
-class _Pose(NamedTuple):
-    time_s: float
-    pose: CameraPose
+    def rows(self, kind: type[Row], report: ImportReport) -> Iterator[tuple[str, Row]]:
+        """Where each row stands, and the row; ``report`` is told of other columns. Raises
+        UserError.
+        """
+        columns = [COLUMNS[name] for name in kind._fields]
+        for title in self.reader.unused(columns):
+            report.leave_out(f"column {title!r} of {self.path.name}")
+        for where, values in self.reader.rows(columns):
+            yield where, kind._make(values)
 
 
 class _Sightings(NamedTuple):
@@ -125,19 +167,19 @@ class _Sightings(NamedTuple):
     row: np.ndarray[Any, np.dtype[np.int64]]
 
 
-class _ObjectRows:
-    """The rows of one object, in order of time: where it is, and what the table says of it."""
+class _Object:
+    """One object of the truth, by its number: its rows in order of time, and where it is between
+    them.
+    """
 
-    def __init__(self, number: int, label: str) -> None:
-        self.number, self.label = number, label
-        self.times_s: list[float] = []
-        self.places: list[Location] = []
-        self.moving: list[bool | None] = []
-        self.visible: list[bool | None] = []
+    def __init__(self, number: int, rows: Sequence[ObjectRow]) -> None:
+        self.number, self.rows, self.label = number, rows, rows[0].label
+        self.times_s = np.array([row.time_s for row in rows])
+        self.places = np.array([_place(row) for row in rows])
 
     def at(self, times_s: Array) -> _Sightings:
         """The object at some times (n,), between two rows on a straight line."""
-        own_s, places = np.array(self.times_s), np.array(self.places)
+        own_s, places = self.times_s, self.places
         last = len(own_s) - 1
         later = np.minimum(np.searchsorted(own_s, times_s - SAME_TIME_S), last)
         earlier = np.maximum(later - 1, 0)
@@ -181,9 +223,9 @@ def cars_of_tables(
 
     Parameters
     ----------
-    poses : a file or a DataFrame with the columns ``POSES``; each row is one frame of a car
-    detections : with the columns ``DETECTIONS``; each belongs to the frame of its time
-    truth : with the columns ``TRUTH``: objects at times; rows without a car count for all
+    poses : a file or a DataFrame with the columns of ``PoseRow``; each row is one frame of a car
+    detections : with the columns of ``DetectionRow``; each belongs to the frame of its time
+    truth : with the columns of ``ObjectRow``: objects at times; rows without a car count for all
     sensor : of every car
     origin : of the plane: latitude [deg], longitude [deg], altitude [m]
     provenance : where the tables come from; ``None``: their names and digests
@@ -193,9 +235,6 @@ def cars_of_tables(
     content = {"poses": poses, "detections": detections, "truth": truth}
     tables = {name: _Table.of(name, of) for name, of in content.items() if of is not None}
     report = report or ImportReport(tables["poses"].path)
-    for name, table in tables.items():
-        for title in table.reader.unused(COLUMNS[name]):
-            report.leave_out(f"column {title!r} of {table.path.name}")
     by_car = _read_poses(tables["poses"], report)
     detected = _read_detections(tables["detections"], by_car, classes=classes, report=report)
     digests = {table.path.name: table.digest for table in tables.values()}
@@ -209,10 +248,12 @@ def cars_of_tables(
         car: [
             scan_frame(
                 camera=SENSOR,
-                stamp_ns=first_ns + _since_ns(row.time_s, first_s),
+                # in whole microseconds, as far as a time since 1970 tells
+                stamp_ns=first_ns
+                + round((row.time_s - first_s) * NS_PER_S / NS_PER_US) * NS_PER_US,
                 size_bytes=sensor.size_bytes,
                 key=f"{key}/{car}/{index}",
-                pose=row.pose,
+                pose=_pose(row),
                 horizontal_fov_rad=sensor.fov_rad,
                 detections=of_frame,
             )
@@ -259,36 +300,40 @@ def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) ->
     return car
 
 
-def _check_apart(where: str, time_s: float, before_s: float, what: str) -> None:
-    """Raises UserError for a row in the millisecond of the one before."""
-    if time_s - before_s <= 2 * SAME_TIME_S:
-        raise UserError(
-            f"{where}: time_s: {time_s:.15g} must be at least a millisecond after "
-            f"{before_s:.15g}, the time of {what} before"
-        )
+def _time_s(row: tuple[str, PoseRow | ObjectRow]) -> float:
+    return row[1].time_s
 
 
-def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[_Pose]]:
+def _apart(what: str, rows: Sequence[tuple[str, Row]]) -> list[Row]:
+    """Rows that are in order of time. Raises UserError for one in the millisecond of another."""
+    for (_, before), (where, after) in pairwise(rows):
+        if after.time_s - before.time_s <= 2 * SAME_TIME_S:
+            raise UserError(
+                f"{where}: time_s: {after.time_s:.15g} must be at least a millisecond after "
+                f"{before.time_s:.15g}, a time of {what}, too"
+            )
+    return [row for _, row in rows]
+
+
+def _pose(row: PoseRow) -> CameraPose:
+    return CameraPose(*_place(row), math.remainder(math.radians(row.heading_deg), math.tau))
+
+
+def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[PoseRow]]:
     """The poses of each car, in order of time."""
-    rows_of: dict[str, list[tuple[str, _Pose]]] = {}
-    for where, (name, time_s, east_m, north_m, heading_deg, up_m) in table.reader.rows(POSES):
-        heading_rad = math.remainder(math.radians(heading_deg), math.tau)
-        pose = CameraPose(east_m, north_m, up_m or 0.0, heading_rad)
-        rows_of.setdefault(_car(where, name), []).append((where, _Pose(time_s, pose)))
+    rows_of: dict[str, list[tuple[str, PoseRow]]] = {}
+    for where, row in table.rows(PoseRow, report):
+        rows_of.setdefault(_car(where, row.car), []).append((where, row))
     if not rows_of:
         raise UserError(f"{table.path}: has no poses")
-    by_car = {}
-    for car, rows in rows_of.items():
-        rows = report.in_order(car, rows, key=lambda row: row[1].time_s)
-        for (_, before), (where, after) in pairwise(rows):
-            _check_apart(where, after.time_s, before.time_s, f"{car}'s pose")
-        by_car[car] = [pose for _, pose in rows]
-    return by_car
+    return {
+        car: _apart(car, report.in_order(car, rows, key=_time_s)) for car, rows in rows_of.items()
+    }
 
 
 def _read_detections(
     table: _Table,
-    by_car: Mapping[str, Sequence[_Pose]],
+    by_car: Mapping[str, Sequence[PoseRow]],
     *,
     classes: Mapping[str, str],
     report: ImportReport,
@@ -298,88 +343,73 @@ def _read_detections(
         car: [[] for _ in rows] for car, rows in by_car.items()
     }
     times_s = {car: [row.time_s for row in rows] for car, rows in by_car.items()}
-    for where, (name, time_s, label, east_m, north_m, score, up_m) in table.reader.rows(DETECTIONS):
-        car = _car(where, name, by_car)
-        index = _nearest(times_s[car], time_s)
-        nearest_s = times_s[car][index]
-        if abs(nearest_s - time_s) > SAME_TIME_S:
+    for where, row in table.rows(DetectionRow, report):
+        car = _car(where, row.car, by_car)
+        of_car = times_s[car]
+        after = bisect.bisect_left(of_car, row.time_s)
+        near = range(max(after - 1, 0), min(after + 1, len(of_car)))
+        apart_s, index = min((abs(of_car[index] - row.time_s), index) for index in near)
+        if apart_s > SAME_TIME_S:
             raise UserError(
-                f"{where}: time_s: {car} has no pose at {time_s:.15g}; the nearest is at "
-                f"{nearest_s:.15g}"
+                f"{where}: time_s: {car} has no pose at {row.time_s:.15g}; the nearest is at "
+                f"{of_car[index]:.15g}"
             )
-        label = classes.get(label, label)
+        label = classes.get(row.label, row.label)
         if label not in ROAD_LABELS:
             report.leave_label(label)
             continue
-        place = np.array([east_m, north_m, up_m or 0.0])
-        detected[car][index].append(new_detection(label, score, None, place, placed_by="table"))
+        place = np.array(_place(row))
+        detection = new_detection(label, row.score, None, place, placed_by="table")
+        detected[car][index].append(detection)
     for frames in detected.values():
         for of_frame in frames:
             of_frame.sort(key=lambda detection: -detection.score)
     return detected
 
 
-def _nearest(times_s: Sequence[float], time_s: float) -> int:
-    after = bisect.bisect_left(times_s, time_s)
-    if after == 0 or (
-        after < len(times_s) and times_s[after] - time_s < time_s - times_s[after - 1]
-    ):
-        return after
-    return after - 1
-
-
-def _since_ns(time_s: float, first_s: float) -> int:
-    """The time from the first pose on [ns], in whole microseconds, as far as a time since 1970
-    tells.
-    """
-    return round((time_s - first_s) * NS_PER_S / NS_PER_US) * NS_PER_US
-
-
 def _read_truth(
     table: _Table,
-    by_car: Mapping[str, Sequence[_Pose]],
+    by_car: Mapping[str, Sequence[PoseRow]],
     classes: Mapping[str, str],
     report: ImportReport,
-) -> dict[str | None, list[_ObjectRows]]:
+) -> dict[str | None, list[_Object]]:
     """The objects by the car for which they count, in the order in which they come first; ``None``:
     for all cars.
     """
-    numbers: dict[str, int] = {}
-    tracks: dict[str | None, dict[str, _ObjectRows]] = {}
-    for where, (name, time_s, item, label, *place, moving, visible, up_m) in table.reader.rows(
-        TRUTH
-    ):
-        label = classes.get(label, label)
+    rows_of: dict[tuple[str | None, str], list[tuple[str, ObjectRow]]] = {}
+    for where, row in table.rows(ObjectRow, report):
+        label = classes.get(row.label, row.label)
         if label == NO_CLASS:
             report.leave_label(label)
             continue
         if label not in CANONICAL:
             problem = unknown("class", label, CANONICAL)
             raise UserError(f"{where}: label: {problem}; --map LABEL=CLASS, or ={NO_CLASS}")
-        car = None if name is None else _car(where, name, by_car)
-        if tracks and (None in tracks) != (car is None):
+        car = None if row.car is None else _car(where, row.car, by_car)
+        if any((other is None) != (car is None) for other, _ in [*rows_of][:1]):
             raise UserError(f"{where}: car: must be given in every row or in none")
-        number = numbers.setdefault(item, len(numbers) + 1)
-        track = tracks.setdefault(car, {}).setdefault(item, _ObjectRows(number, CANONICAL[label]))
-        if track.label != CANONICAL[label]:
+        rows = rows_of.setdefault((car, row.object), [])
+        row = row._replace(label=CANONICAL[label])
+        if rows and rows[0][1].label != row.label:
             raise UserError(
-                f"{where}: label: object {short_repr(item)} was a {track.label}, not a "
-                f"{CANONICAL[label]}"
+                f"{where}: label: object {short_repr(row.object)} was a {rows[0][1].label}, not a "
+                f"{row.label}"
             )
-        if track.times_s:
-            _check_apart(where, time_s, track.times_s[-1], f"object {short_repr(item)}")
-        track.times_s.append(time_s)
-        track.places.append((*place, up_m or 0.0))
-        track.moving.append(moving)
-        track.visible.append(visible)
-    if not tracks:
+        rows.append((where, row))
+    if not rows_of:
         raise UserError(f"{table.path}: has no objects")
+    numbers: dict[str, int] = {}
+    objects: dict[str | None, list[_Object]] = {}
+    for (car, name), rows in rows_of.items():
+        number = numbers.setdefault(name, len(numbers) + 1)
+        ordered = _apart(f"object {short_repr(name)}", sorted(rows, key=_time_s))
+        objects.setdefault(car, []).append(_Object(number, ordered))
     report.read("objects of the truth", len(numbers))
-    return {car: list(of_car.values()) for car, of_car in tracks.items()}
+    return objects
 
 
 def _in_view(
-    frames: Sequence[TraceFrame], times_s: Array, tracks: Sequence[_ObjectRows], range_m: float
+    frames: Sequence[TraceFrame], times_s: Array, tracks: Sequence[_Object], range_m: float
 ) -> list[list[TruthObject]]:
     """What is there at each frame of a car, taken at ``times_s`` (n,), up to a little beyond
     ``range_m``.
@@ -397,24 +427,22 @@ def _in_view(
         near = sightings.there & (away_m <= range_m + BEYOND_M)
         for index in np.flatnonzero(near).tolist():
             place = sightings.place[index].round(POSITION_DECIMALS).tolist()
-            row = sightings.row[index]
+            row = track.rows[sightings.row[index]]
             in_view = sectors[index].distance_m(*place[:2]) is not None
-            says_moving, says_visible = track.moving[row], track.visible[row]
             there[index].append(
                 TruthObject(
                     track.number,
                     track.label,
-                    bool(moving[index]) if says_moving is None else says_moving,
-                    in_view and says_visible is not False,
+                    bool(moving[index]) if row.moving is None else row.moving,
+                    in_view and row.visible is not False,
                     *place,
                 )
             )
     return there
 
 
-def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_ObjectRows]) -> None:
-    own_s = np.array(sorted(time_s for track in tracks for time_s in track.times_s))
-    own_s = np.concatenate([[-np.inf], own_s, [np.inf]])
+def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_Object]) -> None:
+    own_s = np.sort(np.concatenate([[-np.inf, np.inf], *(track.times_s for track in tracks)]))
     after = np.searchsorted(own_s, times_s)
     apart_s = np.minimum(own_s[after] - times_s, times_s - own_s[after - 1])
     uncovered = np.flatnonzero(apart_s > TRUTH_GAP_S)

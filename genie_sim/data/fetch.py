@@ -6,12 +6,12 @@ The only module that touches the network. pooch comes with the extra ``fetch``.
 
 import logging
 import re
-import shutil
 import stat
 import struct
 import zipfile
 import zlib
-from pathlib import Path, PurePosixPath
+from collections.abc import Sequence
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
@@ -159,7 +159,7 @@ class _Counted:
         pass
 
 
-def unpack(archive: Path, folder: Path) -> list[Path]:
+def unpack(archive: Path, folder: Path) -> None:
     """Files of a ZIP archive into a folder. Nothing is left there if an entry has no name, would
     leave the folder, is a link, is encrypted, appears twice, is where a folder must be or is
     broken, or if all of them are too many or unpack to too much; UserError says which.
@@ -180,23 +180,18 @@ def unpack(archive: Path, folder: Path) -> list[Path]:
         zipfile.ZipFile(archive) as packed,
     ):
         entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
-        _check(archive, entries, root)
+        _check_sizes(archive, entries)
+        targets = _targets(archive, entries, root)
         root.mkdir(parents=True, exist_ok=True)
-        # all of them, before any is put where it belongs
+        # all of them, before any is put where it belongs; never more than the archive says
         with TemporaryDirectory(dir=root, prefix=f"{archive.name}.", suffix=".part") as whole:
-            for entry in entries:
-                part = Path(whole, entry.filename)
-                part.parent.mkdir(parents=True, exist_ok=True)
-                with packed.open(entry) as source, part.open("wb") as destination:
-                    shutil.copyfileobj(source, destination)  # never more than the archive says
-            for entry in entries:
-                target = root / entry.filename
+            parts = [packed.extract(entry, whole) for entry in entries]
+            for part, target in zip(parts, targets, strict=True):
                 target.parent.mkdir(parents=True, exist_ok=True)
-                Path(whole, entry.filename).replace(target)
-        return [root / entry.filename for entry in entries]
+                Path(part).replace(target)
 
 
-def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
+def _check_sizes(archive: Path, entries: Sequence[zipfile.ZipInfo]) -> None:
     total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
     if len(entries) > MAX_ENTRIES:
         raise UserError(f"{archive}: has {len(entries):,} files, more than {MAX_ENTRIES:,}")
@@ -207,24 +202,17 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
             f"{archive}: unpacks to {total:,} bytes from {packed:,}, "
             f"more than {MAX_RATIO} times as many"
         )
-    names: set[PurePosixPath] = set()
+
+
+def _targets(archive: Path, entries: Sequence[zipfile.ZipInfo], root: Path) -> list[Path]:
+    """Where each entry belongs. Raises UserError for one that may not be there."""
+    targets: dict[Path, None] = {}
     for entry in entries:
-        name = PurePosixPath(entry.filename)
-        outside = (
-            name.is_absolute()
-            or ".." in name.parts
-            or "\\" in entry.filename
-            or ":" in entry.filename
-        )
-        target = (root / name).resolve()
+        target = (root / entry.filename).resolve()  # whatever links are there
         for wrong, why in (
-            (not name.name, "is no name of a file"),
-            (outside, "leads out of the folder"),
-            (name in names, "is there twice"),
-            (
-                not target.is_relative_to(root),
-                "leads out of the folder, by a link that is there already",
-            ),
+            (target == root, "is no name of a file"),
+            (not target.is_relative_to(root), "leads out of the folder"),
+            (target in targets, "is there twice"),
             (
                 stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG),
                 "is a link or a device, not a file",
@@ -237,4 +225,5 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
         ):
             if wrong:
                 raise UserError(f"{archive}: {entry.filename!r} {why}")
-        names.add(name)
+        targets[target] = None
+    return [*targets]

@@ -13,13 +13,8 @@ from genie_sim.base.classes import CANONICAL
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.importers.trace_import import (
-    ImportedCar,
-    new_detection,
-    scan_frame,
-    traces,
-    write_cars,
-)
+from genie_sim.data.intake import ImportedCar, traces, write_cars
+from genie_sim.data.reader_frames import new_detection, scan_frame
 from genie_sim.data.truth import TruthObject
 from tests.data.made_drives import CHECKS, READERS, cases, steady, told
 
@@ -94,7 +89,7 @@ def test_a_file_of_somebody_else_is_found_before_anything_is_written(tmp_path: P
 @pytest.mark.parametrize(
     ("label", "ahead_m", "told"),
     [
-        ("bench", 8.0, "object 0 at 0 s: label: unknown class 'bench'"),
+        ("bench", 8.0, "frame 0: object 0: label: unknown class 'bench'"),
         ("car", float("inf"), "at no place on Earth"),
         ("car", 300.0, "no object is ever within 50 m of a car"),
     ],

@@ -7,10 +7,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from genie_sim.base.errors import UserError, short_repr
+import numpy as np
+
+from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_text
-from genie_sim.base.tables import EAST, NORTH, TIME, FileColumn, FileTable
+from genie_sim.base.tables import EAST, NORTH, TIME, FileColumn, FileTable, plain_number
 from genie_sim.base.units import MAX_M, MAX_TIME_S, NS_PER_MS, NS_PER_S
 
 Direction = Literal["up", "down"]
@@ -18,7 +20,6 @@ Columns = dict[str, list[Any]]
 PACKET_BITS = 1500 * 8  # what Mahimahi sends at each line of a trace
 BIN_MS = 100  # of such a trace, over which its packets become a rate
 MAX_BINS = 1_000_000  # a day and a bit
-KEPT_SHARE = 0.5  # of the messages of CICV5G; where fewer have a time of their own, it was rounded
 
 PLACES = (EAST, NORTH)
 MAX_MBPS, MAX_MS = 1e9, 1e9  # what no link has; products with units stay whole
@@ -71,10 +72,9 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
     table = FileTable(path)
     given = [column for column in (*CSV, *PLACES) if table.place(column) is not None]
     where, (times_s, *values) = _read(path, [TIME, *given])
-    for place, (before, time_s) in zip(where[1:], pairwise(times_s), strict=True):
-        if time_s <= before:
-            problem = f"must be more than {before:g} of the line before, not {time_s:g}"
-            raise UserError(f"{place}: time_s: {problem}")
+    for place, (before_s, time_s) in zip(where[1:], pairwise(times_s), strict=True):
+        if time_s <= before_s:
+            raise UserError(f"{place}: time_s: must be more than {before_s:g}, not {time_s:g}")
     columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
     for column, numbers in zip(given, values, strict=True):
         name, factor = CSV_FACTORS.get(column.name, (column.name, None))
@@ -95,12 +95,8 @@ def from_cicv5g(path: Path, direction: Direction, report: ImportReport) -> Colum
     # some files have two columns more than titles
     _, (sent_ms, delays_ms, *places) = _read(path, CICV5G, uneven=True)
     first = [row for row, t_ms in enumerate(sent_ms) if row == 0 or t_ms != sent_ms[row - 1]]
-    if len(first) < KEPT_SHARE * len(sent_ms):
-        report.refuse(
-            f"pub_time(ms): {len(sent_ms):,} messages have only {len(first):,} times: rounded, "
-            "as spreadsheets do (1.66E+12)"
-        )
-    report.leave_out("messages sent in the millisecond of another", len(sent_ms) - len(first))
+    why = "sent in the millisecond of another, as where a spreadsheet rounds (1.66E+12)"
+    report.check_dropped("messages", len(first), len(sent_ms), why)
     columns: Columns = {
         "t_ns": _scaled((sent_ms[row] - sent_ms[0] for row in first), NS_PER_MS),
         "rtt_ns": _scaled((delays_ms[row] for row in first), NS_PER_MS),
@@ -125,31 +121,29 @@ def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Col
     at which it can leave. It begins again after its last time. Packets of about 100 ms at a time
     are a rate: the time is cut into equal parts.
     """
-    lines = read_text(path).split("\n")
-    where = [f"{path}: line {at}" for at, line in enumerate(lines, 1) if line.strip()]
-    column = FileColumn("time_ms", lowest=0.0, highest=MAX_BINS * BIN_MS)
-    times_ms: list[float] = []
-    for place, line in zip(where, filter(str.strip, lines), strict=True):
-        try:
-            times_ms.append(column.value(line.strip()))
-        except ValueError as error:
-            raise UserError(f"{place}: {error}") from None
-        if not times_ms[-1].is_integer():
-            problem = f"must be a whole number of milliseconds, not {short_repr(line.strip())}"
-            raise UserError(f"{place}: {problem}")
-        if times_ms[-1] < max(times_ms[-2:]):
-            raise UserError(f"{place}: {times_ms[-1]:g} ms is before {times_ms[-2]:g} ms")
-    end_ms = times_ms[-1] if times_ms else 0.0
+    lines = filter(None, map(str.strip, read_text(path).split("\n")))
+    with as_user_error(f"{path}: not a line for each packet", ValueError):
+        times_ms = np.array([plain_number(line) for line in lines] or [0.0])
+    before_ms = np.concatenate([[0.0], times_ms[:-1]])
+    possible = (
+        (times_ms == np.trunc(times_ms)) & (before_ms <= times_ms) & (times_ms <= MAX_BINS * BIN_MS)
+    )
+    if not possible.all():
+        packet = int(possible.argmin())
+        raise UserError(
+            f"{path}: packet {packet + 1}: {times_ms[packet]:g} ms must be a whole number from "
+            f"{before_ms[packet]:g}, the time before, to {MAX_BINS * BIN_MS:g}"
+        )
+    end_ms = float(times_ms[-1])
     if end_ms == 0:
         raise UserError(f"{path}: the last packet leaves at 0 ms, must be later")
     count = math.ceil(end_ms / BIN_MS)
-    packets = [0] * count
-    for t_ms in times_ms:
-        packets[max(0, math.ceil(t_ms * count / end_ms) - 1)] += 1
+    bins = np.maximum(np.ceil(times_ms * count / end_ms) - 1, 0).astype(int)
     return {
         "t_ns": [round(number * end_ms / count * NS_PER_MS) for number in range(count)],
         f"{direction}_bps": [
-            round(packet * PACKET_BITS * 1000 * count / end_ms) for packet in packets
+            round(packets * PACKET_BITS * 1000 * count / end_ms)
+            for packets in np.bincount(bins, minlength=count).tolist()
         ],
     }
 

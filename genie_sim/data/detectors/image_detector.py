@@ -1,0 +1,102 @@
+"""A detector, whatever it runs, and what it finds in one picture."""
+
+from numbers import Real
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.data.detectors.boxes import MIN_SCORE, SHARES, DetectedBox, is_share
+from genie_sim.data.detectors.onnx_detector import OnnxDetector
+
+FARTHEST_PX = 1e6  # that a box may lie from the corner of its picture
+
+
+class ImageDetector(Protocol):
+    """What ``perceive`` needs of a detector. One that runs a network is best derived from
+    ``OnnxDetector``.
+
+    Parameters
+    ----------
+    weights : Path
+        The file of its weights.
+    size : tuple of int, optional
+        Width and height of the network's input, in pixels; by default the network's own.
+    min_score : float
+        The lowest score, from 0 to 1, of what ``detect`` returns.
+    """
+
+    name: ClassVar[str]
+    """What traces and scenarios call it."""
+
+    file_name: ClassVar[str]
+    """How the file of its weights is called."""
+
+    size: tuple[int, int]
+    """Width and height of its input, in pixels."""
+
+    sha256: str
+    """Of its weights, 64 hexadecimal digits."""
+
+    def __init__(
+        self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
+    ) -> None: ...
+
+    def detect(self, image_bgr: np.ndarray) -> list[DetectedBox]:
+        """Road users and furniture in a picture, best score first.
+
+        Parameters
+        ----------
+        image_bgr : ndarray of uint8, shape (height, width, 3)
+            The picture: blue, green and red from 0 to 255.
+        """
+        ...
+
+
+def look(
+    image_bgr: np.ndarray, detector: ImageDetector
+) -> tuple[list[DetectedBox], dict[str, bytes]]:
+    """What a detector finds in a picture, and the features of its network by name. Raises
+    ``UserError`` for what one of the user's own gives that is no list of boxes, or for boxes that
+    are no pixels of this picture.
+    """
+    if isinstance(detector, OnnxDetector):
+        return detector.look(image_bgr)
+    boxes = detector.detect(image_bgr)
+    name = type(detector).__name__
+    wrong: list[Any] = [boxes]
+    if isinstance(boxes, list | tuple):
+        wrong = [box for box in boxes if not _is_detected_box(box)]
+    if wrong:
+        raise UserError(
+            f"detector {name}: detect() gave {short_repr(wrong[0])}; it must give a "
+            "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
+        )
+    places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
+    if is_share(places):
+        raise UserError(f"detector {name}: {SHARES}")
+    height, width = image_bgr.shape[:2]
+    outside = (places[:, :2] >= (width, height)) | (places[:, 2:] <= 0)
+    if outside.any():
+        first = short_repr(boxes[int(outside.any(axis=1).argmax())])
+        raise UserError(
+            f"detector {name}: detect() gave {first}, outside of its picture of "
+            f"{width} x {height} pixels"
+        )
+    return list(boxes), {}
+
+
+def _is_detected_box(found: Any) -> bool:
+    """Whether it is what a trace can hold: a label, a score, and a box whose ends are in order."""
+    try:
+        label, score, (x1, y1, x2, y2) = found
+    except (TypeError, ValueError):
+        return False
+    if not (isinstance(found, tuple) and isinstance(label, str) and label):
+        return False
+    for value in (score, x1, y1, x2, y2):
+        number: Any = value  # a Real, whose comparisons have no types
+        if not isinstance(value, Real) or isinstance(value, bool) or not abs(number) < FARTHEST_PX:
+            return False
+    return bool(0 <= score <= 1 and x1 <= x2 and y1 <= y2)

@@ -1,1 +1,0 @@
-"""Files of others: ``trace_import`` is the waist through which every reader's frames pass."""
