@@ -36,6 +36,14 @@ NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "sweeps.md")
 
 @pytest.mark.process
 @pytest.mark.slow
+def test_the_readme_does_what_it_shows(tmp_path: Path, as_a_reader: dict[str, str]):
+    work = copied(REPOSITORY / "scenarios", tmp_path / "work" / "scenarios").parent
+    follow(REPOSITORY / "README.md", work, as_a_reader)
+    assert (work / "cdf.pdf").exists() and (work / "report.html").exists()
+
+
+@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [  # examples have tests of their own, tests/examples
@@ -53,8 +61,12 @@ def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[
     work.mkdir()
     if name.startswith("examples/"):
         copied(REPOSITORY / "examples", work / "examples")
+    follow(PAGES[name], work, as_a_reader)
+
+
+def follow(page: Path, work: Path, as_a_reader: dict[str, str]) -> None:
     followed = subprocess.run(
-        [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(PAGES[name])],
+        [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(page)],
         cwd=work,
         env=as_a_reader,
         capture_output=True,
