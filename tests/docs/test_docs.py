@@ -31,7 +31,7 @@ FOLLOWED = [
 ]
 LONGEST_PAGE_S = 600
 # whole studies of several seeds; their commands are tested in tests/study and tests/cli
-NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "sweeps.md")
+NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "how-to/results.md", "sweeps.md")
 
 
 @pytest.mark.process
