@@ -395,7 +395,7 @@ def test_traffic_with_another_number(
     path = tmp_path / "traffic.xml"
     path.write_bytes(pack(text.encode()))
     with works_or_is_refused():
-        source = RecordedTraffic(str(path), begin_ns, duration_ns=3 * NS_PER_S)
+        source = RecordedTraffic(fcd=str(path), begin_ns=begin_ns, duration_ns=3 * NS_PER_S)
         frames = source.open(1, None)
         for car, start_ns in frames.starts_ns().items():
             for seen in islice(frames.drive(car, None, start_ns).frames["02"], 20):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -70,7 +71,10 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
     """``time_s`` and any of ``up_mbps``, ``down_mbps``, ``rtt_ms``, ``east_m`` and ``north_m``."""
     table = FileTable(path)
     given = [column for column in (*CSV, *PLACES) if table.place(column) is not None]
-    _, (times_s, *values) = _read(path, [TIME, *given])
+    where, (times_s, *values) = _read(path, [TIME, *given])
+    for place, (before_s, time_s) in zip(where[1:], pairwise(times_s), strict=True):
+        if time_s <= before_s:
+            raise UserError(f"{place}: time_s: must be more than {before_s:g}, not {time_s:g}")
     columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
     for column, numbers in zip(given, values, strict=True):
         name, factor = CSV_FACTORS.get(column.name, (column.name, None))

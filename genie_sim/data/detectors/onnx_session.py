@@ -135,7 +135,11 @@ def open_session(
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4
     # ONNX Runtime's exceptions have no common base of their own, nor have ONNX's and Protobuf's.
-    with as_user_error(f"{weights}: ONNX Runtime cannot use this network", Exception):
+    unusable = (
+        f"{weights}: ONNX Runtime cannot use this network at {size[0]}x{size[1]}; --size and "
+        "--detector name other sizes and kinds"
+    )
+    with as_user_error(unusable, Exception):
         return onnxruntime.InferenceSession(
             network.SerializeToString(), options, providers=list(providers)
         )
