@@ -186,12 +186,14 @@ from genie_sim.data.intake import (
     ImportedCar as ImportedCar,
     traces as traces,
     write_cars as write_cars,
+    tell_network as tell_network,
+    write_told as write_told,
+)
+from genie_sim.data.reader_frames import (
     picture_frame as picture_frame,
     scan_frame as scan_frame,
     new_detection as new_detection,
     placed as placed,
-    tell_network as tell_network,
-    write_told as write_told,
 )
 from genie_sim.data.encoding import (
     Picture as Picture,

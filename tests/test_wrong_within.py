@@ -63,7 +63,7 @@ from tools.fuzz.settings import LONG_NS, TINY
 
 pytestmark = pytest.mark.slow
 checked = settings(
-    max_examples=60,
+    max_examples=40,
     deadline=None,
     derandomize=True,
     suppress_health_check=list(HealthCheck),
@@ -246,7 +246,7 @@ TABLES_ALONE = Output(page=False)
 ANSWERS = st.tuples(st.sampled_from((*VALUES, *ODD)), st.integers(0, 3))
 
 
-@settings(checked, max_examples=3)
+@settings(checked, max_examples=2)
 @given(answers=st.lists(ANSWERS, min_size=len(CASES), max_size=len(CASES)))
 def test_a_class_of_ones_own_may_return_anything(tmp_path: Path, answers: list[tuple[Any, int]]):
     """Whatever it is asked for, from the first or from a later call on."""
@@ -287,7 +287,7 @@ READERS = (
 )
 
 
-@settings(checked, max_examples=20)
+@settings(checked, max_examples=12)
 @given(data=st.data(), command=st.sampled_from(READERS))
 def test_a_result_with_right_digests_and_other_values(
     tmp_path: Path, result: Path, data: st.DataObject, command: tuple[str, ...]
@@ -336,7 +336,7 @@ def leaves(tree: Any) -> Iterator[tuple[Any, Any]]:
             yield tree, key
 
 
-@settings(checked, max_examples=100)
+@settings(checked, max_examples=60)
 @given(data=st.data())
 def test_a_scenario_written_out_with_other_values_of_their_type(data: st.DataObject):
     """What is accepted is the same when it is written and read again, and is simulated."""
@@ -395,7 +395,7 @@ def test_traffic_with_another_number(
     path = tmp_path / "traffic.xml"
     path.write_bytes(pack(text.encode()))
     with works_or_is_refused():
-        source = RecordedTraffic(str(path), begin_ns, duration_ns=3 * NS_PER_S)
+        source = RecordedTraffic(fcd=str(path), begin_ns=begin_ns, duration_ns=3 * NS_PER_S)
         frames = source.open(1, None)
         for car, start_ns in frames.starts_ns().items():
             for seen in islice(frames.drive(car, None, start_ns).frames["02"], 20):

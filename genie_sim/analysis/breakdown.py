@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import finish, in_style
+from genie_sim.analysis.drawing import NotebookFigure, finish, in_style
 from genie_sim.analysis.frame_metrics import PART
 from genie_sim.analysis.style import TITLE_CHARACTERS
 from genie_sim.base.text import number_text
@@ -62,7 +62,9 @@ def time_parts(
     short = {label: parts for label, parts in bars.items() if whole[label] < MAX_SHORT * longest}
     panels = [bars, short] if short and len(bars) + len(short) <= MAX_BARS else [bars]
     rows = [max(len(panel), 1) for panel in panels]
-    figure = Figure(figsize=(width_in or style.COLUMN_IN, 0.45 * len(rows) + 0.2 * sum(rows)))
+    figure = NotebookFigure(
+        figsize=(width_in or style.COLUMN_IN, 0.45 * len(rows) + 0.2 * sum(rows))
+    )
     axes = list(figure.subplots(len(rows), squeeze=False, height_ratios=rows).flat)
     for axis, panel in zip(axes, panels, strict=True):
         _draw_parts(axis, panel)

@@ -1,5 +1,6 @@
 """What all figures share: their style and legend."""
 
+import io
 import textwrap
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -29,6 +30,15 @@ COLOUR_BAR = "<colorbar>"  # matplotlib's label of its axes
 in_style = partial(context, ["default", style.RC])
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows, also where matplotlib has not been set up for it."""
+
+    def _repr_png_(self) -> bytes:
+        png = io.BytesIO()
+        self.savefig(png, format="png")
+        return png.getvalue()
+
+
 def is_narrow(width_in: float | None) -> bool:
     """Whether a width is that of a column and not of a page."""
     return width_in is not None and width_in <= COLUMN_IN
@@ -38,7 +48,7 @@ def one_panel(width_in: float, height_in: float, ax: Axes | None) -> tuple[Figur
     """A figure with one panel, or the user's own panel ``ax``."""
     if ax is not None:
         return _figure_of(ax), ax
-    figure = Figure(figsize=(width_in, height_in))
+    figure = NotebookFigure(figsize=(width_in, height_in))
     return figure, figure.subplots()
 
 

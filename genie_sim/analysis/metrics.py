@@ -8,6 +8,7 @@ stands for. Over several seeds it is ``tidy.across_seeds``.
 """
 
 import math
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -67,7 +68,8 @@ def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
             raise UserError(f"metric {name!r}: {text}")
         if metric.kind in ROWS:
             try:
-                _number(name, metric, Table(ROWS[metric.kind]).columns(), intervals=False)
+                with warnings.catch_warnings(action="ignore"):
+                    _estimate(name, metric, Table(ROWS[metric.kind]).columns(), intervals=False)
             except UserError as error:
                 if not isinstance(error.__cause__, OF_NO_ROWS):
                     raise
@@ -174,6 +176,14 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate |
     """A metric's number. Raises ``UserError`` for whatever goes wrong in one of the user's own."""
     if not is_own(name):
         return metric.of(rows, intervals)
+    number = _estimate(name, metric, rows, intervals)
+    if number is None:
+        return None
+    return Estimate(*(_finite(name, field, end) for field, end in number._asdict().items()))
+
+
+def _estimate(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate | None:
+    """What a metric of the user's own makes of rows. Raises ``UserError``."""
     try:
         with own_faults_told():
             number = metric.of(rows, intervals)
@@ -182,12 +192,10 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate |
     except (Exception, SystemExit, GeneratorExit) as error:
         text = f"metric {name!r}: {type(error).__name__}: {short_repr(text_of(error))}"
         raise UserError(text) from error
-    if number is None:
-        return None
-    if not isinstance(number, Estimate):
+    if not isinstance(number, Estimate | None):
         text = f"its formula must return a Sample, Estimate or None, not {short_repr(number)}"
         raise UserError(f"metric {name!r}: {text}")
-    return Estimate(*(_finite(name, field, end) for field, end in number._asdict().items()))
+    return number
 
 
 def _finite(name: str, field: str, number: Any) -> Any:

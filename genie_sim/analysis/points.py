@@ -13,6 +13,7 @@ from genie_sim.analysis import style
 from genie_sim.analysis.compare import ComparedRuns, Difference
 from genie_sim.analysis.drawing import (
     MAX_COLUMN_IN,
+    NotebookFigure,
     draw_point,
     finish,
     finish_panel,
@@ -240,7 +241,7 @@ def differences(
     titles_of = [textwrap.fill(abouts[metric].title, room) for metric in metrics]
     title_in = LINE_IN * max((title.count("\n") for title in titles_of), default=0)
     height_in = lines * (panel_in + title_in + row_in * len(arms))
-    figure = Figure(figsize=(width_in, height_in + 0.2))
+    figure = NotebookFigure(figsize=(width_in, height_in + 0.2))
     grid = figure.subplots(lines, columns, squeeze=False)
     for number, axis in enumerate(grid.flat):
         if number >= len(metrics):

@@ -30,7 +30,7 @@ PHRASES = {  # of a verdict: how a part of the sentence begins, and what stands 
     "worse": ("worse", "than"),
     "different": ("different", "from"),
     "unclear": ("not clearly different", "from"),
-    "": ("different by an amount without an interval", "from"),
+    "": ("different, without an interval,", "from"),
     "negligible": ("negligibly different", "from"),
     "equal": ("the same", "as"),
 }

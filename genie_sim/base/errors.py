@@ -21,6 +21,10 @@ class UserError(Exception):
         return [f"{type(self).__name__}: {one_line(str(self))}"]
 
 
+class UnknownAttribute(UserError, AttributeError):
+    """An object has no such attribute."""
+
+
 class Suggesting:
     """A class whose objects answer a misspelt attribute with the nearest."""
 
@@ -30,11 +34,11 @@ class Suggesting:
             raise no_attribute(self, name)
 
 
-def no_attribute(owner: object, name: str) -> AttributeError:
+def no_attribute(owner: object, name: str) -> UnknownAttribute:
     """That an object has no attribute of this name, and which it has."""
     names = [known for known in dir(owner) if not known.startswith("_")]
     text = unknown(f"attribute of {type(owner).__name__}", name, names)
-    return AttributeError(text, name=name, obj=owner)
+    return UnknownAttribute(text)
 
 
 def short_repr(value: object) -> str:

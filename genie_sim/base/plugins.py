@@ -113,9 +113,7 @@ def resolve(
     if entry is None:
         _own_modules.setdefault(module_name, {})[class_name] = f"{what} {name!r}"
         if not _own_code_allowed:
-            raise UserError(
-                f"{what} {name!r}: is third-party code; pass --allow-own-code to run it"
-            )
+            raise UserError(f"{what} {name!r}: is code of its own; pass --allow-own-code to run it")
         if "" not in sys.path:
             sys.path.append("")
     # whatever an own module raises when it is imported, and what Python says of one that it cannot

@@ -1,5 +1,6 @@
 """The command line. Everything heavy is imported after the arguments are parsed."""
 
+import logging
 import os
 import sys
 
@@ -81,6 +82,7 @@ def main(argv: list[str] | None = None) -> int:
     terminal.open_closed_streams()
     # figures go to files; a window that is asked for here may not even exist
     os.environ["MPLBACKEND"] = "agg"
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it warns of a home without its folder
     try:
         status = app(args=argv, prog_name="genie-sim", standalone_mode=False)
     except SystemExit as stop:

@@ -57,7 +57,7 @@ def profile(
     """Measure a detector on this machine into a device profile. Or take measured latencies.
 
     \b
-    genie-sim profile --detector yolox_nano --out device_profiles/here.yaml
+    genie-sim profile --detector yolox_nano --model autoware_vision_detector --out here.yaml
     genie-sim profile --csv runs.csv --column "latency [ms]" --cores 8 --out orin.yaml
     """
     from genie_sim.base.import_report import ImportReport

@@ -1,8 +1,8 @@
 """Files and frames of others, and what a run makes of them. From a file to a run:
 
 - A *reader* (``kitti.perceive``, ``table_import``, and that of bags in genie-sim-ros) finds when
-  and from where each frame was taken and what was detected in it; where there are pictures and
-  scans, with ``detectors`` and ``detectors.placement``.
+  and from where each frame was taken and what was detected in it (``reader_frames``); where there
+  are pictures and scans, with ``detectors`` and ``detectors.placement``.
 - All of them hand that to ``intake.traces``, the gate: it alone orders, numbers, checks and rounds,
   and gives each car a ``trace.Trace`` and, where it is known what was there, a
   ``truth.TruthTable``. (KITTI's labels come to a trace later: ``kitti.drive_truth``.)

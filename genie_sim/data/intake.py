@@ -1,39 +1,33 @@
-"""Traces out of what readers of other people's files find: KITTI's drives, bags, tables, published
-detections.
+"""The gate through which all frames come that readers of other people's files find: KITTI's drives,
+bags, tables, published detections.
 
-A reader finds when and from where each frame was taken, and what was detected in it
-(``picture_frame``, ``scan_frame``, ``new_detection``) and, if that is known, what was there
+A reader makes frames (``reader_frames``) and, if that is known, says what was there
 (``TruthObject``). ``traces`` alone orders, numbers and checks the frames, tells what was read, and
 keeps where it comes from: what is refused or warned of in one kind of file is so in all.
 """
 
-import hashlib
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.base.classes import ROAD_LABELS, class_of
 from genie_sim.base.errors import UserError
-from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.messages import Box, CameraPose, Detection
 from genie_sim.core.view import ViewSector
 from genie_sim.data import trace as trace_file
 from genie_sim.data import truth as truth_file
+from genie_sim.data.reader_frames import rounded, rounded_pose
 from genie_sim.data.trace import (
-    ANGLE_DECIMALS,
-    IMAGE_HEADER_BYTES,
-    PIXEL_DECIMALS,
     POSITION_DECIMALS,
     RANGE_M,
-    SCORE_DECIMALS,
     Trace,
     TraceFrame,
     checked,
@@ -42,11 +36,6 @@ from genie_sim.data.trace import (
 )
 from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth
 
-if TYPE_CHECKING:
-    from genie_sim.data.detectors.boxes import DetectedBox
-    from genie_sim.data.detectors.placement import Placement
-    from genie_sim.data.encoding import Picture
-
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
 NEAREST_M = 0.5  # what is nearer is the car itself
 SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is
@@ -54,117 +43,6 @@ FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
 CLOSEST_NS = NS_PER_MS  # no sensor takes two frames within less
 USUAL_MB = (0.001, 100.0)  # one frame
 OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
-
-
-def new_detection(
-    label: str, score: float, box: Box | None, location: Array | None, *, placed_by: str
-) -> Detection:
-    """A detection as a trace keeps it.
-
-    Parameters
-    ----------
-    label : its class
-    score : in [0, 1]
-    box : left, top, right and bottom [pixels]; ``None`` where there is no picture
-    location : of the object's centre in the world, (3,) [m]
-    placed_by : what tells the place, such as ``scan``
-    """
-    rounded_score = round(float(score), SCORE_DECIMALS)
-    return Detection(
-        label,
-        rounded_score,
-        box=None if box is None else _rounded(box, PIXEL_DECIMALS),
-        location=None if location is None else _rounded(location, POSITION_DECIMALS),
-        confidence=rounded_score,
-        placed_by=placed_by,
-    )
-
-
-def placed(box: "DetectedBox", placement: "Placement | None", world_SE3_camera: Array) -> Detection:
-    """The detection of a box, where the scan's points in it or the ground below it are; without a
-    place where there is no ``placement``.
-    """
-    label, score, corners = box
-    point, placed_by = (None, "none") if placement is None else placement.place(label, corners)
-    location = None if point is None else transform(world_SE3_camera, point)
-    return new_detection(label, score, corners, location, placed_by=placed_by)
-
-
-def picture_frame(
-    *,
-    camera: str,
-    stamp_ns: int,
-    picture: "Picture",
-    world_SE3_camera: Array,
-    intrinsics: Array,
-    index: int = 0,
-    detections: Iterable[Detection] = (),
-    features: Mapping[str, bytes] = {},
-) -> TraceFrame:
-    """A frame of a camera, for ``traces``.
-
-    Parameters
-    ----------
-    stamp_ns : on the reader's own clock
-    picture : what ``picture_of`` gives
-    world_SE3_camera : where the camera is, (4, 4)
-    intrinsics : of the camera, (3, 3)
-    features : those of the detector's network
-    camera, index, detections : as in ``TraceFrame``
-    """
-    width, height = picture.size
-    east_m, north_m, up_m = world_SE3_camera[:3, 3].tolist()
-    picture_bytes = width * height * 3 if picture.size_bytes is None else picture.size_bytes
-    return TraceFrame(
-        camera=camera,
-        index=index,
-        stamp_ns=stamp_ns,
-        width=width,
-        height=height,
-        size_bytes=picture_bytes + IMAGE_HEADER_BYTES,
-        digest=picture.digest,
-        dhash=picture.dhash,
-        pose=CameraPose(east_m, north_m, up_m, heading_of(world_SE3_camera[:3, 2])),
-        horizontal_fov_rad=horizontal_fov_rad(intrinsics, width),
-        detections=tuple(detections),
-        features={**picture.features, **features},
-    )
-
-
-def scan_frame(
-    *,
-    camera: str,
-    stamp_ns: int,
-    size_bytes: int,
-    key: str,
-    pose: CameraPose,
-    horizontal_fov_rad: float,
-    detections: Iterable[Detection],
-) -> TraceFrame:
-    """A frame of a lidar, which has no picture, for ``traces``.
-
-    Parameters
-    ----------
-    stamp_ns : on the reader's own clock
-    size_bytes : of the scan
-    key : tells this frame from every other: no two are the same picture
-    camera, pose, horizontal_fov_rad, detections : as in ``TraceFrame``
-    """
-    digest = hashlib.sha256(key.encode()).hexdigest()
-    return TraceFrame(
-        camera=camera,
-        index=0,
-        stamp_ns=stamp_ns,
-        width=0,
-        height=0,
-        size_bytes=size_bytes,
-        digest=digest,
-        dhash=int(digest[:16], 16),
-        pose=pose,
-        horizontal_fov_rad=horizontal_fov_rad,
-        detections=tuple(detections),
-        kind="lidar",
-    )
 
 
 class _View(NamedTuple):
@@ -243,8 +121,8 @@ def traces(
         if len(by_car) > 1:
             about["car"] = car
         # only now, after the checks, which see what the reader found
-        rounded = {camera: tuple(map(rounded_pose, of)) for camera, of in by_camera.items()}
-        trace = Trace(car, origin, rounded, about, sequence=sequence)
+        kept = {camera: tuple(map(rounded_pose, of)) for camera, of in by_camera.items()}
+        trace = Trace(car, origin, kept, about, sequence=sequence)
         table = None
         if car in truth:
             rows = sorted(row for _, row in objects[car])
@@ -348,6 +226,10 @@ def _check_ways(
             f"{name}: a frame takes", frames[0].size_bytes / 1e6, "MB", USUAL_MB, "to send"
         )
         report.span("height", {frame.height for frame in pictured}, "px")
+        sizes = sorted({(frame.width, frame.height) for frame in pictured})
+        if len(sizes) > 1:
+            several = ", ".join(f"{width}x{height}" for width, height in sizes[:3])
+            report.warn(f"{name}: pictures of {len(sizes)} sizes, such as {several} pixels")
         report.check_way(name, times_s.tolist(), poses[:, :2])
         courses[name] = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
     # of several cameras some look aside
@@ -368,19 +250,16 @@ def _check_detections(
     detected_in: Path | None,
 ) -> None:
     """How many detections there are, and whether they are where the sensors look."""
+    frames = [frame for cameras in cars.values() for of in cameras.values() for frame in of]
+    labels = Counter(found.label for frame in frames for found in frame.detections)
     distances_m: list[float] = []
-    labels: Counter[str] = Counter()
     outside, doubled = 0, 0
-    for frame in (
-        frame for cameras in cars.values() for camera in cameras.values() for frame in camera
-    ):
+    for frame in frames:
         sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
-        labels.update(detection.label for detection in frame.detections)
-        places = [detection.location for detection in frame.detections if detection.location]
+        places = [found.location for found in frame.detections if found.location]
         doubled += len(places) - len(set(places))
-        for east_m, north_m, _ in places:
-            distances_m.append(math.dist((east_m, north_m), frame.pose[:2]))
-            outside += sector.distance_m(east_m, north_m) is None
+        distances_m += [math.dist(place[:2], frame.pose[:2]) for place in places]
+        outside += sum(sector.distance_m(*place[:2]) is None for place in places)
     count = labels.total()
     report.read("detections", count)
     others = Counter({label: many for label, many in labels.items() if label not in ROAD_LABELS})
@@ -415,7 +294,7 @@ def _check_detections(
 
 def truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
     """An object in view of a frame, with the class and the decimals that a truth table keeps."""
-    east_m, north_m, up_m = _rounded(there[-3:], POSITION_DECIMALS)
+    east_m, north_m, up_m = rounded(there[-3:], POSITION_DECIMALS)
     return TruthRow(
         camera=frame.camera,
         frame=frame.index,
@@ -447,18 +326,3 @@ def _check_truth(
             "the plane of the poses?",
             truth_in,
         )
-
-
-def rounded_pose(frame: TraceFrame) -> TraceFrame:
-    """The frame with the decimals of its pose and field of view that a trace keeps."""
-    east_m, north_m, up_m = _rounded(frame.pose[:3], POSITION_DECIMALS)
-    heading_rad = round(frame.pose.heading_rad, ANGLE_DECIMALS)
-    return replace(
-        frame,
-        pose=CameraPose(east_m, north_m, up_m, heading_rad),
-        horizontal_fov_rad=round(frame.horizontal_fov_rad, ANGLE_DECIMALS),
-    )
-
-
-def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
-    return tuple(round(float(x), decimals) for x in numbers)

@@ -34,15 +34,8 @@ from genie_sim.base.tables import (
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.intake import (
-    BEYOND_M,
-    CLOSEST_NS,
-    ImportedCar,
-    new_detection,
-    rounded_pose,
-    scan_frame,
-    traces,
-)
+from genie_sim.data.intake import BEYOND_M, CLOSEST_NS, ImportedCar, traces
+from genie_sim.data.reader_frames import new_detection, rounded_pose, scan_frame
 from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, TraceFrame
 from genie_sim.data.truth import TruthObject
 from genie_sim.data.world_table import SOMEWHERE
@@ -307,16 +300,19 @@ def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) ->
     return car
 
 
-def _in_order(what: str, rows: Sequence[tuple[str, Row]], report: ImportReport) -> list[Row]:
-    """Rows in order of time. Raises UserError for one in the millisecond of another."""
-    ordered = report.in_order(what, rows, key=lambda row: row[1].time_s)
-    for (_, before), (where, after) in pairwise(ordered):
+def _time_s(row: tuple[str, PoseRow | ObjectRow]) -> float:
+    return row[1].time_s
+
+
+def _apart(what: str, rows: Sequence[tuple[str, Row]]) -> list[Row]:
+    """Rows that are in order of time. Raises UserError for one in the millisecond of another."""
+    for (_, before), (where, after) in pairwise(rows):
         if after.time_s - before.time_s <= 2 * SAME_TIME_S:
             raise UserError(
                 f"{where}: time_s: {after.time_s:.15g} must be at least a millisecond after "
                 f"{before.time_s:.15g}, a time of {what}, too"
             )
-    return [row for _, row in ordered]
+    return [row for _, row in rows]
 
 
 def _pose(row: PoseRow) -> CameraPose:
@@ -330,7 +326,9 @@ def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[PoseRow]]
         rows_of.setdefault(_car(where, row.car), []).append((where, row))
     if not rows_of:
         raise UserError(f"{table.path}: has no poses")
-    return {car: _in_order(car, rows, report) for car, rows in rows_of.items()}
+    return {
+        car: _apart(car, report.in_order(car, rows, key=_time_s)) for car, rows in rows_of.items()
+    }
 
 
 def _read_detections(
@@ -404,7 +402,7 @@ def _read_truth(
     objects: dict[str | None, list[_Object]] = {}
     for (car, name), rows in rows_of.items():
         number = numbers.setdefault(name, len(numbers) + 1)
-        ordered = _in_order(f"object {short_repr(name)}", rows, report)
+        ordered = _apart(f"object {short_repr(name)}", sorted(rows, key=_time_s))
         objects.setdefault(car, []).append(_Object(number, ordered))
     report.read("objects of the truth", len(numbers))
     return objects

@@ -69,8 +69,8 @@ class TruthRow(NamedTuple):
 @dataclass(frozen=True)
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
-    trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin, rows, reach
-    and range.
+    trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin and rows,
+    and of the range where it is not the usual one.
 
     An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.

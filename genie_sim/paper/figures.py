@@ -137,7 +137,7 @@ class EvaluationFigures:
     ) -> tuple[Figure, Any]:
         """A figure with panels of about this height in a column; a page's are a quarter taller."""
         taller = 1 if drawing.is_narrow(self.width_in) else 1.25
-        figure = Figure(figsize=(self.width_in, rows * height_in * taller))
+        figure = drawing.NotebookFigure(figsize=(self.width_in, rows * height_in * taller))
         return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
     def _finish(self, figure: Figure, title: str, note: str) -> Figure:

@@ -169,9 +169,9 @@ def html(rows: Sequence[Row]) -> str:
     return renderers.html(table)
 
 
-def document(rows: Sequence[Row], accuracy: ResultTable, edited: Sequence[str]) -> str:
+def document(rows: Sequence[Row], accuracy: ResultTable) -> str:
     """The whole account beside the results: the table, each claim's test, Table I, accuracy."""
-    parts = ["# What of the paper holds here", "", *(f"{line}\n" for line in edited)]
+    parts = ["# What of the paper holds here", ""]
     parts += [in_markdown(rows), "", "## Tests", ""]
     parts += [f"- **{row['id']}** ({row['where']}; {row['kind']}): {row['test']}" for row in rows]
     kinds = "; ".join(f"*{kind}*: {meaning}" for kind, meaning in KINDS.items())

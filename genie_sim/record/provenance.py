@@ -192,8 +192,9 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     """The provenance of a result folder. Raises ``UserError`` for anything else."""
     path = contained(folder, "run.json")
     if not path.exists():
-        runs = "; a run is a folder in its runs/" if (folder / "runs").is_dir() else ""
-        why = f"it has no run.json{runs}" if os.path.lexists(folder) else "it does not exist"
+        inner = [*folder.glob("*/run.json"), *folder.glob("runs/*/run.json")]
+        hint = f"; {min(inner).parent} is one" if inner else ""
+        why = f"it has no run.json{hint}" if os.path.lexists(folder) else "it does not exist"
         raise UserError(f"{folder}: not a result folder: {why}")
     run = read_mapping(path)
     check_format(path, run)

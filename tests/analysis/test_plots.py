@@ -28,6 +28,7 @@ def test_a_figure_in_a_panel_of_ones_own_is_that_figure(run: Run, name: str):
     alone = getattr(Plots(run), name)().axes[0]
     for marks in ("lines", "patches", "collections"):
         assert len(getattr(panel, marks)) == len(getattr(alone, marks))
+    assert alone.figure._repr_png_().startswith(b"\x89PNG")  # what a notebook shows
     assert panel.has_data() and not other.has_data()
     assert panel.get_ylabel() == alone.get_ylabel() != ""
 

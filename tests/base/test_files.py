@@ -207,7 +207,7 @@ def test_what_is_written_is_read_back(value: object) -> None:
 
 
 @settings(max_examples=20)
-@given(st.text(max_size=60) | st.text("[]{}&*!|>'\"%@`:,-? \n\t#ab12", max_size=60))
+@given(st.text("[]{}&*!|>'\"%@`:,-? \n\t#ab12\0\x85\u2028é\ufeff\ud83d😀", max_size=60))
 def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
     try:
         parse(text, "text")

@@ -20,7 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (tmp_path / "mine_pack" / "deep.py").write_text("DEPTH = 1\n")
     (tmp_path / "mine_helper.py").write_text("VALUE = 1\n")
     (tmp_path / "mine_link.py").write_text(
-        "import json\nimport scipy.io.wavfile\nfrom mine_helper import VALUE\n"
+        "import json\nimport yaml.nodes\nfrom mine_helper import VALUE\n"
         "from mine_pack.inner import deep\n\n\n"
         "class Link:\n    value = VALUE + 10 * deep.DEPTH\n"
     )

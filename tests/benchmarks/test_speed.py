@@ -99,6 +99,7 @@ def test_a_command_is_measured_as_a_whole():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_whole_benchmark_fills_the_page(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(speed, "genie_sim", lambda *_: Spent(1, 1, 1))
     sizes = replace(QUICK, laps=1, least_frames=1, fleets={3: 1}, growth=(2, 3))

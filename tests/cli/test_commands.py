@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -152,7 +153,7 @@ def test_a_folder_that_is_no_result_cannot_be_rerun(capsys):
 
 def test_run_says_where_the_results_are_and_rerun_confirms_them(capsys):
     Path("s.yaml").write_text(GOOD)
-    assert main(["run", "s.yaml", "--seed", "3"]) == 0
+    assert main(["run", "s.yaml", "--seed", "3", "--no-report"]) == 0
     said = capsys.readouterr().out
     folder = next(Path("results").glob("s-*"))
     assert str(folder) in said
@@ -170,10 +171,22 @@ def test_run_says_where_the_results_are_and_rerun_confirms_them(capsys):
     assert "frames.parquet: identical" in capsys.readouterr().out
 
 
-def test_rerun_notices_a_result_that_was_changed(capsys):
-    Path("s.yaml").write_text(GOOD)
-    assert main(["run", "s.yaml", "--no-report"]) == 0
-    folder = next(Path("results").glob("s-*"))
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result folder of a run."""
+    out = tmp_path_factory.mktemp("made")
+    (out / "s.yaml").write_text(GOOD)
+    assert main(["run", str(out / "s.yaml"), "--no-report", "--out", str(out)]) == 0
+    return next(out.glob("s-*"))
+
+
+@pytest.fixture
+def folder(made: Path) -> Path:
+    """A copy, to be spoilt."""
+    return Path(shutil.copytree(made, "result"))
+
+
+def test_rerun_notices_a_result_that_was_changed(folder, capsys):
     path = folder / "frames.parquet"
     table = pq.read_table(path)
     pq.write_table(table.slice(1), path)  # what the file says of itself goes along
@@ -214,16 +227,13 @@ def test_rerun_notices_a_result_that_was_changed(capsys):
         ),
     ],
 )
-def test_a_damaged_run_json_gets_one_line(damage, message, capsys):
-    Path("s.yaml").write_text(GOOD)
-    assert main(["run", "s.yaml", "--no-report"]) == 0
-    path = next(Path("results").glob("s-*/run.json"))
+def test_a_damaged_run_json_gets_one_line(damage, message, folder, capsys):
+    path = folder / "run.json"
     made = json.loads(path.read_text())
     damage(made)
     path.write_text(json.dumps(made))
-    sign(path.parent)
-    capsys.readouterr()
-    assert main(["rerun", str(path.parent)]) == 1
+    sign(folder)
+    assert main(["rerun", str(folder)]) == 1
     _one_line(capsys, message)
 
 

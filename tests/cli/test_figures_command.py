@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis import figures as of_runs
-from genie_sim.cli import completion
 from genie_sim.cli.main import main
 
-WINDOW = {"cars[0].route.window": ["0 s", "1 s"]}
+WINDOW = {"cars[*].route.window": ["0 s", "1 s"]}
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +35,10 @@ def size_in(path: str) -> list[float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["latency_cdf", "image_reuse", "confidence_boost"])
+@pytest.mark.parametrize("name", ["latency_cdf", "confidence_boost"])
 def test_one_figure_of_several_results_fits_a_column(folders, name, capsys):
     line = ["--only", name, "--methods", "genie,remote", "--label", "one", "--label", "two"]
-    assert main(["figures", *folders, *line, "--width", "3.5", "--out", "f.svg"]) == 0
+    assert main(["figures", *folders, *line, "--width", "3.5in", "--out", "f.svg"]) == 0
     assert capsys.readouterr().out == "f.svg\n"
     text = words("f.svg")
     assert "one:" in text and "two:" in text and "Genie (DG)" in text
@@ -69,9 +67,7 @@ def test_one_metric_of_results_is_called_by_the_results(folders, capsys):
 
 
 @pytest.mark.slow
-def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
-    run = gs.load(folders[0])
-    assert of_runs.makers(run).keys() <= set(completion.figures(None, None, ""))
+def test_a_figure_of_a_run_can_be_asked_for_alone(folders):
     assert (
         main(["figures", folders[0], "--only", "resources", "--label", "mine", "--out", "r.svg"])
         == 0
@@ -89,7 +85,7 @@ def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
         ),
         (["--only", "lap_f1"], "lap_f1: these results have no value of it"),
         (["--only", "utilization"], "values are too many for a column: name fewer with --methods"),
-        (["--only", "latency_cdf", "--width", "30"], "--width: '30': expected column, page,"),
+        (["--only", "latency_cdf", "--width", "30in"], "--width: '30in': expected column, page,"),
         (["--only", "latency_cdf", "--width", "wide"], "or inches from 2 to 12, such as 3.5"),
         (["--only", "latency_cdf", "--out", "f.jpg"], "--out: unknown format 'jpg'"),
         (

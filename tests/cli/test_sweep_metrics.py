@@ -10,7 +10,7 @@ from genie_sim.cli.main import main
 from tests.cli.test_figures_command import size_in, words
 
 pytestmark = pytest.mark.slow
-BASE = ["sweep", "street_1car_hetero", "--set", "cars[0].route.window=[0 s, 1 s]", "--seeds", "2"]
+BASE = ["sweep", "street_1car_hetero", "--set", "cars[0].route.window=[0 s, 1 s]", "--seeds", "1"]
 RATE, EDGE = "genie.object_map.rate=0.2,0.5", "genie.view_range=50 m,90 m"
 
 

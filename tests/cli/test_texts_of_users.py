@@ -35,10 +35,11 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a run, of seeds and of a sweep, with a text that is meant ill."""
     out = tmp_path_factory.mktemp("lab")
     of_all: dict[str, Any] = {"label": LABEL, "out": out}
-    run = gs.run("street_1car_homo", SETTINGS, **of_all)
+    run = gs.run("street_1car_homo", SETTINGS, report=False, **of_all)
     run.folder.rename(out / "run")
     add_controls(shutil.copytree(out / "run", out / "of somebody") / "run.json")
-    seeds = gs.run_seeds("street_1car_homo", SETTINGS, seeds=2, jobs=1, **of_all)
+    few: dict[str, Any] = {"seeds": 2, "jobs": 1, "report": False}
+    seeds = gs.run_seeds("street_1car_homo", SETTINGS, **few, **of_all)
     seeds.folder.rename(out / "seeds")
     axes = {"a": {"set": "cars[0].link", "list": ["wifi", "lte"]}}
     sweep = gs.sweep("street_1car_homo", axes, SETTINGS, seeds=[1], jobs=1, **of_all)

@@ -19,15 +19,16 @@ from tests.conformance import small
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "usual": {},
-    "lossy, long queues": {
-        "cars": [small.car(1, link={"like": "wifi", "loss": 0.2}), small.car(2, link="lte")],
+    "one edge, lossy links, long queues, outage": {
+        "cars": [
+            small.car(1, link={"like": "wifi", "loss": 0.2}),
+            small.car(2, link="lte", edge="edge1"),
+        ],
         "queue_length": 3,
-    },
-    "one edge, outage": {
-        "cars": [small.car(1), small.car(2, edge="edge1")],
         "faults": [{"fault": "outage", "target": "edge1", "begin": "500 ms", "end": "900 ms"}],
     },
 }
+SLOWER = {"model": "yolov8m", "queue_length": 4}
 
 
 @functools.cache
@@ -51,34 +52,25 @@ class MethodConformance:
         assert hosts.tolist() == lookups["placement"].tolist()
 
     def test_alone_or_between_others(self, method: str):
-        """It takes no random number of another method, leaves nothing behind, and finds nothing."""
+        """It takes no random number of another entry, leaves nothing behind, and finds nothing; its
+        own settings hold for that entry only.
+        """
         name = from_plain(MethodEntry, method).name
-        first, *others = [other for other in small.ALL if other != method]
-        alone, between, without = (
-            small.rows(run("lossy, long queues", *methods))
-            for methods in ([method], [first, method, *others], [first, *others])
-        )
-        small.same(small.of(name, alone), small.of(name, between))
-        for other in (first, *others):
-            small.same(small.of(other, without), small.of(other, between))
-
-    def test_settings_of_an_entry_hold_for_that_entry_only(self, method: str):
-        name = from_plain(MethodEntry, method).name
+        first, last, *_ = [other for other in small.ALL if other != method]
         plain = {"name": "slower", "method": method}
-        slower = {**plain, "model": "yolov8m", "queue_length": 4}
-        by_hand = small.scenario([plain], model="yolov8m", queue_length=4)
-        alone, both, by_hand = map(
-            small.rows,
-            (
-                run("usual", method),
-                small.simulated(small.scenario([slower, method])),
-                small.simulated(by_hand),
-            ),
+        between, by_hand = (
+            small.rows(small.simulated(scenario))
+            for scenario in (
+                small.scenario([first, {**plain, **SLOWER}, method, last]),
+                small.scenario([plain], **SLOWER),
+            )
         )
-        small.same(small.of(name, alone), small.of(name, both))
-        small.same(small.of("slower", by_hand), small.of("slower", both))
+        alone, others = (small.rows(run("usual", *names)) for names in ([method], [first, last]))
+        apart = {name: alone, "slower": by_hand, first: others, last: others}
+        for entry, expected in apart.items():
+            small.same(small.of(entry, expected), small.of(entry, between))
         other, mine = (
-            [row["first_answer_ns"] for row in small.of(entry, both)["frames"]]
+            [row["first_answer_ns"] for row in small.of(entry, between)["frames"]]
             for entry in ("slower", name)
         )
         assert other != mine, "the settings change nothing"

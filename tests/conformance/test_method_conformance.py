@@ -127,10 +127,9 @@ def test_one_method_several_times_with_other_settings():
     hits = run.frames.groupby("method", observed=True)["image_hit"].sum()
     assert hits["strict"] == 0 < hits["genie"]
     assert 0 < hits["half"] < small.FRAMES * 2
+    made = [small.rows(small.simulated(one)) for one in (scenario, swapped)]
     for name in ("genie", "tiny"):
-        small.same(
-            *(small.of(name, small.rows(small.simulated(one))) for one in (scenario, swapped))
-        )
+        small.same(*(small.of(name, rows) for rows in made))
     assert read_scenario(plain_data(scenario)).methods == scenario.methods
 
 

@@ -62,14 +62,14 @@ CASES = {
         own.Street,
         "_frames",
         returns([]),
-        "drive().frames['left'] is [], but must be a sequence with at least one item",
+        "the run failed with frame source",
     ),
     "frame": (
         {},
         own.Street,
         "_frame",
         returns(SimpleNamespace(stamp_ns=0, pose=None)),
-        "drive().frames['left'][0].pose is None, but must be a CameraPose",
+        "the run failed with frame source",
     ),
     "digests": ({}, own.Street, "digests", returns(["x"]), "digests() is ['x'], but must be a"),
     "digests later": (

@@ -122,7 +122,7 @@ def test_hashes_may_differ_in_the_radius(bits, equal):
     assert same(DHash(radius=8), one, other) is equal
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(
     st.lists(
         st.tuples(st.sampled_from([True, True, False]), st.integers(0, 2**10 - 1)),

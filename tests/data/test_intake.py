@@ -13,13 +13,8 @@ from genie_sim.base.classes import CANONICAL
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.intake import (
-    ImportedCar,
-    new_detection,
-    scan_frame,
-    traces,
-    write_cars,
-)
+from genie_sim.data.intake import ImportedCar, traces, write_cars
+from genie_sim.data.reader_frames import new_detection, scan_frame
 from genie_sim.data.truth import TruthObject
 from tests.data.made_drives import CHECKS, READERS, cases, steady, told
 

@@ -333,12 +333,13 @@ def test_each_frame_is_read_whatever_its_ending(tmp_path, street):
     folder, report = make_drive(tmp_path / "mixed"), ImportReport("mixed")
     data = folder / "image_02" / "data"
     black = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    for index in (0, 1):
-        cv2.imwrite(str(data / f"{index:010d}.jpg"), black)
+    for index, picture in enumerate((black, black[::2, ::2])):
+        cv2.imwrite(str(data / f"{index:010d}.jpg"), picture)
     (data / "0000000001.png").unlink()
     trace = perceived(tmp_path / "mixed", street[1], report=report)
     assert [frame.index for frame in trace.frames["02"]] == [0, 1, 2]
     assert report.left_out["JPEG images of 02 that are there as PNG, too"] == 1
+    assert "02: pictures of 2 sizes, such as 320x96, 640x192 pixels" in report.warnings
 
 
 def test_a_part_of_the_drive_keeps_its_stamps(street):

@@ -222,7 +222,7 @@ def test_a_labelled_box_projects_to_its_place_in_the_image(kitti_root):
         drive = open_sequence(training, sequence)
         labels = tracking_labels(training / "label_02" / f"{sequence}.txt", drive)
         for frame, label in labels:
-            if label is None or not label.counts or label.group != "vehicles":
+            if not label.counts or label.group != "vehicles":
                 continue
             x1, y1, x2, y2 = label.box
             if x1 > 1 and x2 < drive.size[0] - 2 and y2 < drive.size[1] - 2:  # all in the picture

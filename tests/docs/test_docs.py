@@ -30,6 +30,8 @@ FOLLOWED = [
     and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
 LONGEST_PAGE_S = 600
+# whole studies of several seeds; their commands are tested in tests/study and tests/cli
+NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "sweeps.md")
 
 
 @pytest.mark.process
@@ -37,7 +39,9 @@ LONGEST_PAGE_S = 600
 @pytest.mark.parametrize(
     "name",
     [  # examples have tests of their own, tests/examples
-        pytest.param(name, marks=pytest.mark.nightly if name.startswith("examples/") else ())
+        pytest.param(
+            name, marks=pytest.mark.nightly if name.startswith(("examples/", *NIGHTLY)) else ()
+        )
         for name in FOLLOWED
     ],
 )

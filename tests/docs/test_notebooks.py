@@ -12,7 +12,7 @@ import pytest
 from tests.checkout import REPOSITORY
 
 NOTEBOOKS = sorted((REPOSITORY / "notebooks").glob("*.ipynb"))
-LONG = ("2_", "5_")  # the whole evaluation, and a sweep
+LONG = ("2_", "3_", "5_")  # the whole evaluation, and sweeps
 LONGEST_CELL_S = 600
 MOST_LINES = 40
 MOST_BASE64 = 200_000  # five figures of the paper

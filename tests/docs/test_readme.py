@@ -113,7 +113,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory):
 @pytest.mark.xdist_group("readme")
 @pytest.mark.parametrize("block", [one for one in BLOCKS if not one.not_run], ids=str)
 def test_a_block_does_what_it_shows(block: Block, reader, request: pytest.FixtureRequest):
-    if "$GENIE_SIM_KITTI" in "\n".join(block.lines):
+    if "genie-sim perceive" in "\n".join(block.lines):
         request.getfixturevalue("kitti_root")
         request.getfixturevalue("weights_dir")
     if block.language == "bash":

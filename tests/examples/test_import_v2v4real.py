@@ -149,6 +149,7 @@ def test_a_car_among_few_objects_is_told():
     assert len(nothing.doubts()) == 3
 
 
+@pytest.mark.slow
 def test_one_command_writes_what_a_scenario_takes(root: Path, tmp_path: Path, capsys):
     options = ["--sequence", "train/0012", "--partner", str(street.PARTNER)]
     assert import_v2v4real.main([str(root), *options, "--out", str(tmp_path / "pair")]) == 0

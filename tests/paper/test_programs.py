@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from scipy.stats import t
 
 from genie_sim.core.messages import CameraPose
 from genie_sim.paper.numbers import Number
@@ -125,6 +124,8 @@ def test_a_real_sequence_gives_the_committed_numbers(kitti_root, tmp_path):
     runs draw by frame: one is another seed of the other, within what their seeds differ by. Numbers
     whose meaning changed since are not compared.
     """
+    from scipy.stats import t
+
     trace, path = drives.trace_of(kitti_root, "0014", tmp_path)
     settings = drives.settings_of(path, len(trace.frames["02"]) / 10)
     committed = pd.read_csv(RESULTS / "drives" / "runs.csv", dtype={"sequence": str})

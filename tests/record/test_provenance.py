@@ -377,8 +377,11 @@ def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str,
 
 
 def test_a_folder_of_several_runs_says_where_they_are(tmp_path: Path):
-    (tmp_path / "runs" / "seed-1").mkdir(parents=True)
-    with pytest.raises(UserError, match=r"it has no run\.json; a run is a folder in its runs/$"):
-        provenance.read_run_json(tmp_path)
+    run = tmp_path / "runs" / "seed-1"
+    run.mkdir(parents=True)
     with pytest.raises(UserError, match=r"it has no run\.json$"):
-        provenance.read_run_json(tmp_path / "runs" / "seed-1")
+        provenance.read_run_json(tmp_path)
+    (run / "run.json").touch()
+    for folder in (tmp_path, run.parent):
+        with pytest.raises(UserError, match=r"it has no run\.json; .*runs/seed-1 is one$"):
+            provenance.read_run_json(folder)

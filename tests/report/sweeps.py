@@ -10,9 +10,9 @@ CROSSED = """
 description: DESCRIPTION
 scenario: street_2car_homo
 set: {"cars[0].route.window": [0 s, 1 s], "cars[1].route.window": [0.5 s, 1.5 s]}
-seeds: 2
+seeds: 1
 axes:
-  rate: {set: genie.object_map.rate, grid: {from: 0.01, to: 1, points: 3, scale: log}}
+  rate: {set: genie.object_map.rate, grid: {from: 0.01, to: 1, points: 2, scale: log}}
   rule: {set: genie.object_map.rule, list: [noisy_or, ema]}
 """
 

@@ -44,6 +44,11 @@ def of_methods(setting: Scenario, **how: Any) -> dict[str, pd.DataFrame]:
     }
 
 
+def of(method: str, cars: Any, how: dict[str, Any] | None = None, **settings: Any) -> pd.DataFrame:
+    """The frames of one method."""
+    return of_methods(scenario(cars, methods=[method], **settings), **(how or {}))[method]
+
+
 def answered(frames: pd.DataFrame) -> pd.DataFrame:
     return frames[frames["first_answer_ns"].notna()]
 
@@ -78,7 +83,8 @@ def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(
     would have answered, each later by the Genie's own time and not a nanosecond more.
     """
     rules = {"miss_policy": "blocking", "similarity": "exact"}
-    setting = scenario([lonely], cameras=TWO_CAMERAS, genie=rules, faults=faults)
+    both = {"methods": ["local", "genie"], "faults": faults}
+    setting = scenario([lonely], cameras=TWO_CAMERAS, genie=rules, **both)
     methods = of_methods(setting, devices=STEADY)
     local, genie = (
         answered(methods[name][methods[name]["stamp_ns"] >= since_ns])
@@ -99,7 +105,7 @@ def test_a_car_alone_has_an_answer_to_every_frame_at_once(
     """By default a miss is answered from the map, and no frame is dropped because the edge is
     gone.
     """
-    methods = of_methods(scenario([lonely], faults=faults))
+    methods = of_methods(scenario([lonely], faults=faults, methods=["local", "genie"]))
     genie = methods["genie"][methods["genie"]["stamp_ns"] >= since_ns]
     assert genie["first_answer_ns"].notna().all()
     assert set(genie["source"]) <= {"map", "own_cache", "own_detector"}
@@ -111,7 +117,7 @@ def test_a_car_alone_has_an_answer_to_every_frame_at_once(
 
 def test_the_edge_helps_until_the_link_is_cut_and_again_when_it_is_back():
     cut = {**CUT, "end": "4 s"}
-    genie = of_methods(scenario(1, genie={"miss_policy": "blocking"}, faults=[cut]))["genie"]
+    genie = of("genie", 1, genie={"miss_policy": "blocking"}, faults=[cut])
     helped = answered(genie)[answered(genie)["source"].str.startswith("edge")]
     instants_ns = helped["first_answer_ns"]
     during = (instants_ns > CUT_NS + 200 * MS) & (instants_ns < 2 * CUT_NS)
@@ -119,7 +125,7 @@ def test_the_edge_helps_until_the_link_is_cut_and_again_when_it_is_back():
 
 
 def test_remote_frames_of_a_car_without_an_edge_are_lost_and_not_on_their_way():
-    frames = of_methods(scenario([car("car1", "edge1"), car("car2", None)]))["remote"]
+    frames = of("remote", [car("car1", "edge1"), car("car2", None)])
     mine = frames[frames["car"] == "car2"]
     assert len(mine) and set(mine["drop"]) == {"car2:no_edge"} and answered(mine).empty
     assert "car1:no_edge" not in set(frames["drop"])
@@ -130,9 +136,8 @@ def test_a_run_waits_for_whatever_is_still_on_a_slow_link():
     the queue of one.
     """
     slow = {"like": "ethernet_1g", "rate_up": "400 kbit/s"}
-    frames = of_methods(
-        scenario([car("car1", "edge1", slow)], cameras=TWO_CAMERAS), devices=STEADY
-    )["remote"]
+    fleet = [car("car1", "edge1", slow)]
+    frames = of("remote", fleet, {"devices": STEADY}, cameras=TWO_CAMERAS)
     assert not (frames["first_answer_ns"].isna() & frames["drop"].isna()).any(), (
         "nothing is left in flight"
     )
@@ -142,14 +147,15 @@ def test_a_run_waits_for_whatever_is_still_on_a_slow_link():
 
 def test_remote_alone_answers_nothing_while_the_link_is_cut():
     """Why Genie keeps the car's own nodes."""
-    remote = of_methods(scenario(1, faults=[CUT]))["remote"]
+    remote = of("remote", 1, faults=[CUT])
     assert answered(remote)["stamp_ns"].max() < CUT_NS
     assert set(remote[remote["stamp_ns"] > CUT_NS]["drop"]) == {"car1->edge1:outage"}
 
 
 def test_a_car_with_plain_nodes_is_not_helped():
     plain = {**car("car1", "edge1"), "genie": False}
-    methods = of_methods(scenario([plain, car("car2", "edge1")]))
+    fleet = [plain, car("car2", "edge1")]
+    methods = of_methods(scenario(fleet, methods=["local", "genie"]))
     both = [
         methods[name][methods[name]["car"] == "car1"].drop(columns="method")
         for name in ("local", "genie")
@@ -162,8 +168,8 @@ def test_a_car_with_plain_nodes_is_not_helped():
 
 def test_one_edge_serves_two_cars_and_answers_the_second_from_its_cache():
     fleet = [car("car1", "edge1"), car("car2", "edge1", start="3 s")]
-    tables = drive(scenario(fleet, genie={"miss_policy": "blocking"}))
-    genie = tables["frames"][tables["frames"]["method"] == "genie"]
+    tables = drive(scenario(fleet, methods=["genie"], genie={"miss_policy": "blocking"}))
+    genie = tables["frames"]
     second = answered(genie[genie["car"] == "car2"])
     assert (second["source"] == "edge_cache").mean() > 0.3
     assert set(second["served_by"]) <= {
@@ -175,20 +181,21 @@ def test_one_edge_serves_two_cars_and_answers_the_second_from_its_cache():
 
 
 def test_two_cars_get_less_out_of_one_remote_edge_than_out_of_two():
-    shared = of_methods(scenario([car("car1", "edge1"), car("car2", "edge1")]))["remote"]
-    own = of_methods(scenario([car("car1", "edge1"), car("car2", "edge2")]))["remote"]
+    shared, own = (
+        of("remote", [car("car1", "edge1"), car("car2", edge)]) for edge in ("edge1", "edge2")
+    )
     assert len(answered(shared)) < 0.6 * len(answered(own))
 
 
 def test_on_its_second_lap_a_car_finds_what_it_has_seen_and_computes_less():
-    tables = drive(scenario([car("car1", "edge1", laps=2)]))
-    genie = tables["frames"][tables["frames"]["method"] == "genie"]
+    tables = drive(scenario([car("car1", "edge1", laps=2)], methods=["genie"]))
+    genie = tables["frames"]
     hits = genie.groupby("lap")["image_hit"].apply(lambda one: one.astype(float).mean())
     assert hits[1] > hits[0] + 0.3
     # in the pause, when all work is done
     ends_ns = genie[genie["lap"] == 0]["stamp_ns"].max() + 900 * MS
     runs = tables["resources"]
-    runs = runs[(runs["method"] == "genie") & (runs["resource"].str.endswith("accelerator"))]
+    runs = runs[runs["resource"].str.endswith("accelerator")]
     total = runs.groupby("resource", observed=True)["completed"].max()
     first_lap = runs[runs["t_ns"] <= ends_ns].groupby("resource", observed=True)["completed"].max()
     assert ((total - first_lap) < first_lap).all(), (
@@ -198,7 +205,7 @@ def test_on_its_second_lap_a_car_finds_what_it_has_seen_and_computes_less():
 
 def test_on_a_grid_of_1_mm_nothing_is_the_same_place_before_the_second_lap():
     fine = {"similarity": {"name": "pose_grid", "cell": "1 mm"}}
-    genie = of_methods(scenario([car("car1", "edge1", laps=2)], genie=fine))["genie"]
+    genie = of("genie", [car("car1", "edge1", laps=2)], genie=fine)
     hits = genie.groupby("lap")["image_hit"].apply(lambda one: one.astype(float).mean())
     assert hits[0] == 0.0 and hits[1] > 0.3
 
@@ -207,7 +214,7 @@ def test_two_cameras_that_one_recording_stands_for_never_take_the_same_image():
     """camera_00 (grey) replays the recording of camera_02 (colour) 50 ms later; byte for byte they
     differ.
     """
-    genie = of_methods(scenario([car("car1", "edge1")], genie={"similarity": "exact"}))["genie"]
+    genie = of("genie", [car("car1", "edge1")], genie={"similarity": "exact"})
     assert genie["image_hit"].notna().all()
     assert not genie["image_hit"].any() and not genie["coalesced"].any()
 
@@ -217,7 +224,7 @@ ASKING = {"miss_policy": "blocking", "share_answers": "on_request"}
 
 def test_what_a_neighbour_has_cached_reaches_another_car():
     fleet = [car("car1", "edge1"), car("car2", "edge2", start="3 s")]
-    genie = of_methods(scenario(fleet, genie=ASKING))["genie"]
+    genie = of("genie", fleet, genie=ASKING)
     peers = genie[genie["source"] == "peer_cache"]
     assert set(peers["car"].astype(str)) == {"car2"} and set(peers["served_by"]) == {"edge1/genie"}
     assert len(peers) > 20
@@ -225,7 +232,7 @@ def test_what_a_neighbour_has_cached_reaches_another_car():
 
 def test_what_a_neighbour_publishes_is_in_one_s_own_edge_s_cache():
     fleet = [car("car1", "edge1"), car("car2", "edge2", start="3 s")]
-    genie = of_methods(scenario(fleet, genie={"miss_policy": "blocking"}))["genie"]
+    genie = of("genie", fleet, genie={"miss_policy": "blocking"})
     second = answered(genie[genie["car"] == "car2"])
     assert (second["source"] == "edge_cache").sum() > 20 and not (
         second["source"] == "peer_cache"
@@ -234,8 +241,9 @@ def test_what_a_neighbour_publishes_is_in_one_s_own_edge_s_cache():
 
 def test_edges_that_do_not_ask_are_not_asked_but_share_objects_all_the_same():
     fleet = [car("car1", "edge1"), car("car2", "edge2", start="3 s")]
-    tables = drive(scenario(fleet, genie={"miss_policy": "blocking", "share_requests": False}))
-    genie = tables["frames"][tables["frames"]["method"] == "genie"]
+    rules = {"miss_policy": "blocking", "share_requests": False}
+    tables = drive(scenario(fleet, methods=["genie"], genie=rules))
+    genie = tables["frames"]
     assert not (genie["source"] == "peer_cache").any()
     lookups = tables["lookups"]
     assert not (lookups["requester"] == "neighbour").any()
@@ -249,7 +257,7 @@ def test_cars_that_never_meet_give_each_other_nothing():
         car("car1", "edge1", window=["0 s", "2 s"]),
         car("car2", "edge2", window=["20 s", "22 s"], start="3 s"),
     ]
-    frames = of_methods(scenario(fleet, genie=ASKING), trace=street(seconds=22.0))["genie"]
+    frames = of("genie", fleet, {"trace": street(seconds=22.0)}, genie=ASKING)
     second = answered(frames[frames["car"] == "car2"])
     assert len(second) > 10 and not second["source"].isin(("edge_cache", "peer_cache")).any()
 
@@ -257,11 +265,11 @@ def test_cars_that_never_meet_give_each_other_nothing():
 def test_the_algorithm_to_the_letter_never_hits():
     """Answers come on another topic than their requests, so none is ever found by its header."""
     fleet = [car("car1", "edge1", laps=2), car("car2", "edge2", laps=2)]
-    tables = drive(scenario(fleet, genie={"algorithm": "literal"}))
+    tables = drive(scenario(fleet, methods=["genie"], genie={"algorithm": "literal"}))
     lookups = tables["lookups"]
     assert len(lookups) > 100 and lookups["hits"].sum() == 0
     assert (lookups["entries"] == 0).all()
-    genie = tables["frames"][tables["frames"]["method"] == "genie"]
+    genie = tables["frames"]
     assert len(genie) > 0 and answered(genie).empty
 
 

@@ -115,7 +115,7 @@ def test_local():
     row = frames(ONE_FRAME)["local"].loc[0]
     assert answers(row) == (OWN_DETECTOR, OWN_DETECTOR, "own_detector")
     assert OWN_DETECTOR == 303_395_446
-    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (1, 0, 0)
+    assert row["objects_served"] == 1
 
 
 def test_remote():
@@ -123,11 +123,7 @@ def test_remote():
     answer = UP + EDGE_DETECTOR + DOWN
     assert answers(row) == (answer, answer, "edge_detector")
     assert answer == 75_572_324
-    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (
-        1,
-        IMAGE_BYTES,
-        ANSWER_BYTES,
-    )
+    assert row["objects_served"] == 1
 
 
 SENT_BYTES = 100_000  # one object was lost, two are new
@@ -154,9 +150,31 @@ def test_an_encoded_picture_costs_both_cpus_and_is_what_the_edge_s_detector_sees
     row = found["remote"].loc[0]
     down = EDGE_HOP_ANSWER + 400 + (826 + 90) * 8 + DELAY  # two objects
     assert answers(row)[0] == CAR_HOP_IMAGE + ENCODE + LINK_SENT + DECODE + EDGE_DETECTOR + down
-    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (2, SENT_BYTES, 826)
+    assert row["objects_served"] == 2
     slow = frames(ONE_FRAME, sent=SENT, codec=4.0, image_encoding="jpeg80")["remote"].loc[0]
     assert answers(slow)[0] - answers(row)[0] == pytest.approx(3 * ENCODE, abs=3)
+
+
+LATER = {  # a second frame that is a hit, and one that waits for the answer to the first
+    "hit": (ONE_FRAME, [car("car1", "edge1", laps=2)]),
+    "coalesced": (trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)), None),
+}
+
+
+def test_a_frame_is_charged_what_was_sent_for_it():
+    sent = frames(ONE_FRAME)
+    encoded = frames(ONE_FRAME, sent=SENT, image_encoding="jpeg80")
+    carried = {name: rows.loc[0] for name, rows in sent.items()}
+    carried |= {"encoded": encoded["remote"].loc[0]}
+    carried |= {name: frames(*how)["genie"].loc[1] for name, how in LATER.items()}
+    assert {name: (row["bytes_up"], row["bytes_down"]) for name, row in carried.items()} == {
+        "local": (0, 0),
+        "remote": (IMAGE_BYTES, ANSWER_BYTES),
+        "genie": (IMAGE_BYTES, ANSWER_BYTES),
+        "encoded": (SENT_BYTES, 826),
+        "hit": (0, 0),
+        "coalesced": (0, 0),
+    }
 
 
 def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection_later():
@@ -166,7 +184,6 @@ def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection
     assert answers(row) == (first, fresh, "map")
     assert (first, fresh) == (12_394_646, 114_765_493)
     assert (row["objects_served"], row["objects_fresh"]) == (0, 1)
-    assert (row["bytes_up"], row["bytes_down"]) == (IMAGE_BYTES, ANSWER_BYTES)
 
 
 def test_genie_that_blocks_answers_a_miss_once():
@@ -193,7 +210,6 @@ def test_genie_answers_a_hit_from_its_cache():
     hit = FIRST_LOOK + CAR_HOP_ANSWER
     assert rows["image_hit"].tolist() == [False, True]
     assert answers(rows.loc[1]) == (hit, hit, "own_cache")
-    assert rows.loc[1, "bytes_up"] == 0
     assert hit == 12_395_446
 
 
@@ -215,7 +231,6 @@ def test_a_coalesced_frame_gets_the_answer_to_the_frame_it_waits_for():
         answers(rows.loc[0])[1] - 50 * MS,
         "map",
     )
-    assert rows.loc[1, "bytes_up"] == 0
 
 
 def test_the_edge_s_cache_answers_the_second_car_of_the_same_edge():

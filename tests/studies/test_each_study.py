@@ -106,7 +106,7 @@ def test_the_study_of_the_pace(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("start", ["cold", "warm"])
+@pytest.mark.parametrize("start", [pytest.param("cold", marks=pytest.mark.nightly), "warm"])
 def test_the_study_of_other_caches(start: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(baselines, "bytes_of_largest_map", lambda: 94_800)
     monkeypatch.setattr(baselines, "CONSUMERS", {"set": "consumer", "list": ["tracker"]})
@@ -118,6 +118,7 @@ def test_the_study_of_other_caches(start: str, monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_study_of_where_it_pays(monkeypatch: pytest.MonkeyPatch):
     usual = tuple((name, *point) for name, point in where_it_pays.USUAL.items())
     monkeypatch.setattr(where_it_pays, "POINTS", usual)
@@ -132,7 +133,13 @@ def test_the_study_of_where_it_pays(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", keep.METRICS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.nightly if name != "failing_edge" else ())
+        for name in keep.METRICS
+    ],
+)
 def test_a_shipped_sweep_is_kept_for_its_page(name: str):
     fewer = ["--methods", "local,genie", "--seeds", "1", "--jobs", "1"]
     if name == "shared_uplink":

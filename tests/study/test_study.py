@@ -41,7 +41,7 @@ from genie_sim.study.design import load_design
 from genie_sim.study.figures import SweepFigures
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study, check_folder
-from genie_sim.study.work import Parts, PointRun, Workers
+from genie_sim.study.work import Parts, PointRun
 from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY, sign
 from tests.make import METHODS
@@ -167,13 +167,6 @@ def test_samples_on_a_logarithmic_scale_have_even_decades():
     ]
 
 
-def test_whole_numbers_are_drawn_equally_often():
-    laps = sampled(
-        '  laps: {set: "cars[0].route.laps", latin_hypercube: {from: 1, to: 4, whole: true}}', 40
-    )["laps"]
-    assert laps.value_counts().sort_index().to_dict() == {1: 10, 2: 10, 3: 10, 4: 10}
-
-
 def test_samples_come_from_streams_of_the_axes_names():
     """Another axis, or another order of the axes, changes nobody's samples; another sample_seed
     changes all.
@@ -269,7 +262,9 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("uninterrupted")
     path = folder / "s.yaml"
     path.write_text(SMALL)
-    assert main(["sweep", str(path), "--out", str(folder), "--jobs", "1"]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SweepFigures, "drawn", lambda _: iter(()))
+        assert main(["sweep", str(path), "--out", str(folder), "--jobs", "1"]) == 0
     return folder / "s"
 
 
@@ -316,32 +311,13 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     assert too_few and table["low"].notna().any()
 
 
-def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
-    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {
-        "rate",
-        "gate",
-    }
+def test_the_folder_says_what_it_is(uninterrupted):
     about = json.loads((uninterrupted / "sweep.json").read_text())
     assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (
         4,
         12,
         "street_1car_homo",
     )
-
-
-@pytest.mark.drawn
-def test_a_figure_along_one_axis_draws_each_value_of_the_other(
-    uninterrupted,
-):
-    runs = pd.read_parquet(uninterrupted / "runs.parquet")
-    design = load_design(write(SMALL))
-    drawn = dict(SweepFigures(design, runs, {"genie": "Genie"}, "made up").drawn())
-    titles = [panel.get_title() for panel in drawn["rate"].axes if panel.get_title()]
-    assert titles == ["(a) gate [m] = 1", "(b) gate [m] = 3"]
-    mean = runs[runs["metric"] == "first_answer_mean"].groupby(["gate [m]", "rate"])["value"].mean()
-    panels = [panel for panel in drawn["rate"].axes if "first answer" in panel.get_ylabel()]
-    shown = panels[0].get_lines()[0].get_xydata()
-    assert shown == pytest.approx(np.array([[0.1, mean[1.0, 0.1]], [0.5, mean[1.0, 0.5]]]))
 
 
 @pytest.mark.slow
@@ -352,15 +328,8 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
     text = SMALL + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n"
     design = load_design(write(text))
     drawn = dict(SweepFigures(design, both, {"genie": "Genie"}, "made up").drawn())
-    assert list(drawn) == [
-        "rate-1",
-        "rate-2",
-        "gate-1",
-        "gate-2",
-        "rule-1",
-        "rule-2",
-    ]
-    assert drawn["rate-2"].get_suptitle() == "at rule = noisy_or"
+    assert {name.partition("-")[0] for name in drawn} == {"rate", "gate", "rule"}
+    assert drawn["rate-first_answer_mean-2"].get_suptitle() == "at rule = noisy_or"
 
 
 @pytest.mark.slow
@@ -440,7 +409,7 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
     )
     window = '"cars[0].route.window": [0 s, 500 ms]'
     write(
-        f"scenario: street_1car_homo\nset: {{{window}, methods: [genie]}}\nseeds: 2\naxes: {axes}\n"
+        f"scenario: street_1car_homo\nset: {{{window}, methods: [genie]}}\nseeds: 1\naxes: {axes}\n"
     )
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     table = pd.read_csv("results/s/table.csv")
@@ -453,10 +422,10 @@ def test_a_folder_describes_its_tables_even_if_the_sweep_file_changed(
 ):
     finished(uninterrupted)
     first = Study.of(load_design("s.yaml"), "s.yaml", Path("results"))
-    first.run(Workers(1))
+    first.run(1)
     Study.of(
         load_design(write(SMALL.replace("seeds: 3", "seeds: 1"))), "s.yaml", Path("results")
-    ).run(Workers(1))
+    ).run(1)
     first.finish()
     assert json.loads(Path("results/s/sweep.json").read_text())["runs"] == 12
     assert len(pd.read_parquet("results/s/runs.parquet")["run_id"].unique()) == 12
@@ -472,7 +441,8 @@ def test_one_seed_gives_no_interval():
 @pytest.mark.drawn
 def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
     assert main(["sweep", write(SMALL), "--jobs", "2"]) == 0
-    same_bytes(uninterrupted, TABLES + FIGURES)
+    same_bytes(uninterrupted)
+    assert all((Path("results/s") / name).exists() for name in FIGURES)
 
 
 # Nothing is run twice, nothing is lost
@@ -507,6 +477,18 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
 
 
 @pytest.mark.process
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="only /proc tells the workers")
+def test_a_worker_that_is_killed_loses_nothing(uninterrupted):
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.kill(next(filter(is_worker, processes_of(run.pid))), signal.SIGKILL)
+        _, error = run.communicate(timeout=60)
+    assert run.returncode == 1 and "a worker process was killed" in error
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    same_bytes(uninterrupted)
+
+
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_sweep_keeps_finished_runs_and_exits_with_130(asked, uninterrupted):
@@ -538,7 +520,6 @@ def test_ctrl_c_while_workers_begin_is_one_line_too():
 
 
 @pytest.mark.slow
-@pytest.mark.drawn
 def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monkeypatch):
     finished(uninterrupted)
     simulated = count_runs(monkeypatch)
@@ -555,8 +536,6 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monk
     assert set(pd.read_csv("results/s/table.csv")["rate"]) == {0.1, 0.5}, "nothing is overwritten"
     (other,) = Path("results").glob("s-*")
     assert set(pd.read_csv(other / "table.csv")["weight"]) == {0.2, 0.5}
-    drawn = {path.stem for path in (other / "figures").iterdir()}
-    assert drawn == {"weight", "gate"}
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0 and len(simulated) == 6, "it goes on there"
 
 
@@ -588,31 +567,24 @@ class Broken(Exact):
 
 @pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.process)])
 def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, capsys):
-    write(
-        SMALL.replace(
-            "object_map.rate, list: [0.1, 0.5]",
-            "similarity, list: ['tests.study.test_study:Broken', exact]",
-        )
-    )
+    short = SMALL.replace("seeds: 3", "seeds: 1")
+    rates, parts = "object_map.rate, list: [0.1, 0.5]", "similarity, list: [{}exact]"
+    write(short.replace(rates, parts.format("'tests.study.test_study:Broken', ")))
     assert main(["sweep", "s.yaml", "--jobs", jobs]) == 1
     line = capsys.readouterr().err
     first = r"point 0 \(rate = tests.study.test_study:Broken, gate = 1.0\), seed 1"
     why = r"similarity 'tests.study.test_study:Broken': RuntimeError: 'the lens is dirty' \(.*\)"
     told = re.fullmatch(
-        rf"genie-sim: results/s: 6 of 12 runs failed, the others are done; {first}: {why}; see"
-        r" (\S+)\n",
+        rf"genie-sim: results/s: 2 of 4 runs failed, the others are done; {first}: {why}\n",
         line,
     )
     assert told, line
-    text = Path(told[1]).read_text()
-    assert re.match(first, text) and "Traceback" in text and "the lens is dirty" in text
-    assert len(list(Path("results/s/failures").iterdir())) == 6
     assert not Path("results/s/table.csv").exists(), "a table would lack points"
 
     simulated = count_runs(monkeypatch)
-    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: [exact]"))
+    write(short.replace(rates, parts.format("")))
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
-    assert not simulated and not Path("results/s/failures").exists()
+    assert not simulated
 
 
 @dataclass(frozen=True, slots=True)
@@ -632,17 +604,17 @@ def test_progress_counts_what_is_done_and_what_failed(tmp_path):
     scenario = load_scenario("street_1car_homo")
     runs = [MadeUp(name, scenario, "here", fails=name == "b") for name in "ab"]
     with pytest.raises(UserError, match="1 of 2 runs failed"):
-        parts.run(runs, Workers(1), progress=lambda *progress: told.append(progress))
+        parts.run(runs, 1, progress=lambda *progress: told.append(progress))
     assert told[0] == (0, 2, "") and told[-1] == (1, 2, "1 failed")
     told.clear()
-    parts.run(runs[:1], Workers(1), progress=lambda *progress: told.append(progress))
+    parts.run(runs[:1], 1, progress=lambda *progress: told.append(progress))
     assert told == [(1, 1, "")], "it is done"
 
 
 def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
-    """Two arms with shares around .2 and .5: no interval of a share, which would begin at zero."""
-    from scipy import stats
-
+    """Two arms with shares around .2 and .5: no interval of a share, which would begin at zero. The
+    half of it: the 97.5 % quantile of t with two degrees of freedom, 4.302653.
+    """
     noise = (-0.01, 0.0, 0.01)
     rows = [
         {"arm": arm, "seed": seed, "value": share + sign * noise[seed], **SHARE}
@@ -650,7 +622,7 @@ def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
         for seed in range(3)
     ]
     (row,) = tables.differences(pd.DataFrame(rows), ["arm"], "arm", "first").to_dict("records")
-    half = stats.t.ppf(0.975, 2) * 0.02 / math.sqrt(3)
+    half = 4.302653 * 0.02 / math.sqrt(3)
     assert row["value"] == pytest.approx(-0.3)
     assert (row["low"], row["high"]) == pytest.approx((-0.3 - half, -0.3 + half), rel=1e-4)
 
@@ -658,9 +630,10 @@ def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
 def test_points_that_say_the_same_share_their_runs(monkeypatch):
     simulated = count_runs(monkeypatch)
     same = "list: {plain: {}, said: {genie.eviction: fifo}}"
-    write(SMALL.replace("set: genie.object_map.rate, list: [0.1, 0.5]", same))
+    short = SMALL.replace("seeds: 3", "seeds: 1")
+    write(short.replace("set: genie.object_map.rate, list: [0.1, 0.5]", same))
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
-    assert len(simulated) == 6
+    assert len(simulated) == 2
     table = pd.read_csv("results/s/table.csv").drop(columns="point").set_index("rate")
     assert (
         table.loc["plain"].reset_index(drop=True).equals(table.loc["said"].reset_index(drop=True))
@@ -688,9 +661,9 @@ def test_profiles_and_traces_are_read_once(monkeypatch):
     open_source = Recorded.open
     monkeypatch.setattr(Recorded, "open", lambda *a: opened.append(1) or open_source(*a))
     work._frames_of_process.cache_clear()
-    assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
+    assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 2")), "--jobs", "1"]) == 0
     assert len(opened) == 2, "once to plan and once to run"
-    assert len(list(Path("results/s/parts").iterdir())) == 16
+    assert len(list(Path("results/s/parts").iterdir())) == 8
 
 
 # Folders that are not as they should be
@@ -729,7 +702,9 @@ def test_an_out_folder_that_cannot_be_written_is_found_before_simulating(capsys)
     one_line(capsys, "results/s: no results can be written there")
 
 
-@pytest.mark.parametrize("how", ["cut", "another number", "every one"])
+@pytest.mark.parametrize(
+    "how", ["cut", "another number", pytest.param("every one", marks=pytest.mark.slow)]
+)
 def test_the_runs_of_a_part_that_was_changed_are_made_again(how, uninterrupted, caplog):
     finished(uninterrupted)
     before = Path("results/s/table.csv").read_bytes()
@@ -807,36 +782,7 @@ def test_a_link_in_place_of_parts_is_not_followed(what, uninterrupted, tmp_path,
 def test_a_worker_that_plans_other_runs_is_refused(tmp_path):
     run = PointRun("0" * 12, load_scenario("street_1car_homo"), "here")
     with pytest.raises(UserError, match="is not the one that was planned with"):
-        Parts(tmp_path).run([run], Workers(1))
-
-
-# On Dask
-
-
-@pytest.mark.process
-@pytest.mark.slow
-@pytest.mark.unix
-def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
-    distributed = pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
-    write(SMALL)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-    ) as cluster:
-        victim = next(iter(cluster.workers.values())).process.pid
-        with in_the_middle("--scheduler", cluster.scheduler_address) as run:
-            os.kill(victim, signal.SIGKILL)
-            assert len(runs_in_parts()) < 12
-            _, error = run.communicate(timeout=120)
-    assert run.returncode == 0, error
-    same_bytes(uninterrupted)
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
-    pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
-    monkeypatch.setattr("genie_sim.study.work.SCHEDULER_TIMEOUT_S", 1)
-    assert main(["sweep", write(SMALL), "--scheduler", "tcp://127.0.0.1:1"]) == 1
-    one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
+        Parts(tmp_path).run([run], 1)
 
 
 # The tests' own words
@@ -888,17 +834,24 @@ def processes_of(group: int) -> list[int]:
     return found
 
 
+def is_worker(process: int) -> bool:
+    try:
+        return b"popen_loky" in Path(f"/proc/{process}/cmdline").read_bytes()
+    except OSError:
+        return False
+
+
 def is_importing(process: int) -> bool:
     """Whether the process is a worker whose Python has begun, and would show where an interrupt
     struck it.
     """
-    folder = Path(f"/proc/{process}")
     try:
-        caught = re.search(r"SigCgt:\s+(\w+)", (folder / "status").read_text())
-        worker = b"popen_loky" in (folder / "cmdline").read_bytes()
+        status = Path(f"/proc/{process}/status").read_text()
     except OSError:
         return False
-    return worker and caught is not None and bool(int(caught[1], 16) & 1 << signal.SIGINT - 1)
+    caught = re.search(r"SigCgt:\s+(\w+)", status)
+    listens = caught is not None and int(caught[1], 16) & 1 << signal.SIGINT - 1
+    return bool(listens) and is_worker(process)
 
 
 def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
@@ -924,8 +877,8 @@ def finished(uninterrupted: Path) -> None:
     shutil.copytree(uninterrupted, "results/s")
 
 
-def same_bytes(uninterrupted: Path, names: tuple[str, ...] = TABLES) -> None:
-    for name in names:
+def same_bytes(uninterrupted: Path) -> None:
+    for name in TABLES:
         assert (Path("results/s") / name).read_bytes() == (uninterrupted / name).read_bytes(), name
 
 

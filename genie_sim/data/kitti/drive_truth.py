@@ -17,14 +17,15 @@ from genie_sim.base.paths import sha256_of
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Location
 from genie_sim.data.intake import check_distances, truth_row
-from genie_sim.data.kitti.drive import TRACKLETS, drive_folders
 from genie_sim.data.kitti.label import ObjectLabel, PictureKey
+from genie_sim.data.kitti.layouts import drive_folders
 from genie_sim.data.kitti.tracking_labels import labels_of_sequence
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TRACKING
 from genie_sim.data.kitti.tracklets import labels_of_drive
 from genie_sim.data.trace import Trace
 from genie_sim.data.truth import TruthObject, TruthTable
 
+TRACKLETS = "tracklet_labels.xml"
 RAW_DRIVE = re.compile(r"\d{4}_\d{2}_\d{2}/\d{4}", re.ASCII)
 
 
@@ -53,8 +54,7 @@ def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
     labels_of = labels_of_sequence if in_sequence else labels_of_drive
     path = label_file(Path(root), drive)
     for picture, label in labels_of(Path(root), drive, path, trace):
-        if label is not None:
-            pictures[picture].append(label)
+        pictures[picture].append(label)
     source = f"label_02 of {drive}" if in_sequence else f"tracklets of {drive}"
     return PictureLabels(source, pictures, _moving(pictures, trace))
 

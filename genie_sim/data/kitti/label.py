@@ -12,7 +12,7 @@ from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Box, Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
 
-# KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
+# KITTI's types by what a detector can tell apart
 GROUP_OF = {
     "Car": "vehicles",
     "Van": "vehicles",
@@ -23,8 +23,8 @@ GROUP_OF = {
     "Person (sitting)": "persons",
     "Cyclist": "persons",
 }
-IGNORED = {"Tram": "vehicles", "Misc": "vehicles", "DontCare": "anything"}  # by KITTI's type
-
+# of others, what is found there; ``anything`` else, such as ``DontCare``
+IGNORED = {"Tram": "vehicles", "Misc": "vehicles"}
 
 PictureKey = tuple[str, int]  # camera and frame number
 
@@ -43,14 +43,11 @@ class ObjectLabel(NamedTuple):
 
 def object_label(
     track: int, kind: str, box: Box, *, truncation: int, occlusion: int, centre: Array
-) -> ObjectLabel | None:
-    """What a label counts for in KITTI's benchmark, by KITTI's type and codes; ``None`` for a type
-    that is no object here.
-    """
-    if kind in IGNORED:
-        return ObjectLabel(track, IGNORED[kind], box, counts=False, centre=None)
+) -> ObjectLabel:
+    """What a label counts for in KITTI's benchmark, by KITTI's type and codes."""
     if kind not in GROUP_OF:
-        return None
+        group = IGNORED.get(kind, "anything")
+        return ObjectLabel(track, group, box, counts=False, centre=None)
     high_enough = box[3] - box[1] >= MIN_HEIGHT_PX
     counts = high_enough and truncation in (0, 1) and occlusion in (0, 1, 2)
     east_m, north_m, up_m = centre.tolist()

@@ -17,14 +17,7 @@ from genie_sim.data.detectors.boxes import NMS_IOU
 from genie_sim.data.detectors.detector import DetectorSettings, detector_facts
 from genie_sim.data.detectors.image_detector import ImageDetector
 from genie_sim.data.intake import tell_network, traces
-from genie_sim.data.kitti.drive import (
-    ATTRIBUTION,
-    ATTRIBUTION_OF_ODOMETRY,
-    ODOMETRY,
-    CameraFrame,
-    KittiDrive,
-    open_drive,
-)
+from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, open_drive
 from genie_sim.data.kitti.pipeline import trace_frames
 from genie_sim.data.trace import Trace
 
@@ -156,7 +149,7 @@ def _provenance(
     if settings.classes:
         parameters["classes"] = dict(settings.classes)
     return {
-        "data": ATTRIBUTION_OF_ODOMETRY if drive.name.startswith(ODOMETRY) else ATTRIBUTION,
+        "data": drive.attribution,
         "drive": drive.name,
         "drive_sha256": drive.digest(),
         "parameters": parameters,

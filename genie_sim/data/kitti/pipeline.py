@@ -16,8 +16,8 @@ from genie_sim.data.detectors.image_detector import ImageDetector, look
 from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.encoding import picture_of
-from genie_sim.data.intake import picture_frame, placed
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
+from genie_sim.data.reader_frames import picture_frame, placed
 from genie_sim.data.trace import TraceFrame
 
 LASER_HEIGHT_M = 1.73  # https://www.cvlibs.net/datasets/kitti/setup.php

@@ -23,7 +23,7 @@ SAME_PLACE_M = 1.0
 
 def labels_of_sequence(
     root: Path, name: str, path: Path, trace: Trace
-) -> Iterator[tuple[PictureKey, ObjectLabel | None]]:
+) -> Iterator[tuple[PictureKey, ObjectLabel]]:
     """The labels in a file for the pictures of a trace of the same drive. Raises UserError where it
     is another.
     """
@@ -54,7 +54,7 @@ def _is_at(drive: TrackingSequence, frame: int, place: Location) -> bool:
     return math.dist(place, drive.world_SE3_camera2(frame)[:3, 3].tolist()) <= SAME_PLACE_M
 
 
-def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel | None]]:
+def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel]]:
     """The frame and the label of every line of the ``label_02`` file of a sequence. Raises
     UserError.
     """

@@ -77,7 +77,7 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 
 def labels_of_drive(
     root: Path, name: str, path: Path, trace: Trace
-) -> Iterator[tuple[PictureKey, ObjectLabel | None]]:
+) -> Iterator[tuple[PictureKey, ObjectLabel]]:
     """The labels in a file of tracklets for the pictures of a trace of the drive of this name."""
     objects = tracklets(path)
     drive = open_drive(

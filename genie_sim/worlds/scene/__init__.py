@@ -31,5 +31,9 @@ zero, headings are [rad] counter-clockwise from east and come as ``cos`` and ``s
 only used to turn, times are [s] of the scene's clock (``scene_ns`` and ``start_ns`` in [ns]).
 
 Nothing is drawn in an order: every random number follows from a key (``keys``), so that a frame is
-the same whoever looks at it, and when.
+the same whoever looks at it, and when. The keys are of the scene's random numbers and seed, of an
+object, and of a frame's car, camera and time, and of no setting: other settings change what is
+there, and the same car sees the same object from the same place at the same time with the same
+luck. A scene's ``digest`` tells it from others, in ids of runs and digests of pictures, and decides
+nothing else.
 """

@@ -11,6 +11,7 @@ from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
 from genie_sim.worlds.scene import keys, noise
 from genie_sim.worlds.scene.laws import (
+    MAX_VIEW_M,
     MIDDLE,
     STEPS_PER_Z,
     VIEW_STEP_M,
@@ -66,11 +67,19 @@ class SyntheticDetector:
     anywhere in a scene.
     """
 
-    def __init__(self, objects: ObjectColumns, laws: FittedLaws, *, on_grid: bool = True) -> None:
+    def __init__(
+        self,
+        objects: ObjectColumns,
+        laws: FittedLaws,
+        *,
+        on_grid: bool = True,
+        view_m: float = MAX_VIEW_M,
+    ) -> None:
         """``objects`` are all that may be in view; ``on_grid``: streets lead east and north, as a
-        town's, and not anywhere.
+        town's, and not anywhere; nothing is found farther away than ``view_m``.
         """
-        self._objects, self._laws, self._on_grid = objects, laws, on_grid
+        self._objects, self._laws = objects, laws
+        self._on_grid, self._view_m = on_grid, view_m
         self._normals = np.array(noise.normals())
 
     def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
@@ -99,28 +108,31 @@ class SyntheticDetector:
         return DetectedObjects(begins, self._labels(row, looks), placed)
 
     def fleeting(self, key: int, pose: CameraPose, *, cos: float, sin: float) -> list[Detection]:
-        """False positives that are seen once, anywhere in view of a camera, in the frame of a key;
-        ``cos`` and ``sin`` are of the camera's heading.
+        """The false positive that is seen once, if there is one, anywhere in view of a camera, in
+        the frame of a key; ``cos`` and ``sin`` are of the camera's heading.
         """
         draw = keys.FRAME_FLEETING.share(key)
-        detections = []
         for law in self._laws.fleeting:
-            if 0.0 <= draw < law.per_frame:
-                own_key = keys.mix(key)
-                range_m = quantile(law.range_m, keys.FLEETING_RANGE.share(own_key))
-                angle_rad = (keys.FLEETING_ANGLE.share(own_key) - 0.5) * HORIZONTAL_FOV_RAD
-                score = quantile(law.scores, keys.FLEETING_SCORE.share(own_key))
-                ahead_m, left_m = range_m * math.cos(angle_rad), range_m * math.sin(angle_rad)
-                east_m = pose.east_m + ahead_m * cos - left_m * sin
-                north_m = pose.north_m + ahead_m * sin + left_m * cos
-                location = (
-                    round(east_m, POSITION_DECIMALS),
-                    round(north_m, POSITION_DECIMALS),
-                    MIDDLES_M[law.label],
-                )
-                detections.append(detection(law.label, round(score, SCORE_DECIMALS), location))
+            if draw < law.per_frame:
+                break
             draw -= law.per_frame
-        return detections
+        else:
+            return []
+        own_key = keys.mix(key)
+        range_m = quantile(law.range_m, keys.FLEETING_RANGE.share(own_key))
+        if range_m > self._view_m:
+            return []
+        angle_rad = (keys.FLEETING_ANGLE.share(own_key) - 0.5) * HORIZONTAL_FOV_RAD
+        score = quantile(law.scores, keys.FLEETING_SCORE.share(own_key))
+        ahead_m, left_m = range_m * math.cos(angle_rad), range_m * math.sin(angle_rad)
+        east_m = pose.east_m + ahead_m * cos - left_m * sin
+        north_m = pose.north_m + ahead_m * sin + left_m * cos
+        location = (
+            round(east_m, POSITION_DECIMALS),
+            round(north_m, POSITION_DECIMALS),
+            MIDDLES_M[law.label],
+        )
+        return [detection(law.label, round(score, SCORE_DECIMALS), location)]
 
     def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _Looks:
         objects, pose, row = self._objects, visible.pose, visible.row

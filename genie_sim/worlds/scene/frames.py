@@ -4,7 +4,6 @@ finds of what is in view.
 
 import functools
 import hashlib
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
@@ -14,33 +13,21 @@ import numpy as np
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
-from genie_sim.base.setting_errors import SettingError
-from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.frame_source import Drive
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.scene.detector import DetectedObjects
-from genie_sim.worlds.scene.keys import frame_key
+from genie_sim.worlds.scene.keys import frame_key, named_key
 from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, SceneObject
 from genie_sim.worlds.scene.scene import Scene
 from genie_sim.worlds.scene.surrogate import surrogates
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
 CAMERA_UP_M = 1.65  # of KITTI's cameras: cvlibs.net/datasets/kitti/setup.php
-MAX_FRAMES = 100_000_000
 # Of a camera, whose views are computed at once: a frame costs half as much as in batches of 16.
 BATCH_FRAMES = 64
 # to the left of the car's middle; KITTI's colour cameras are 0.54 m apart (setup.php)
 BASELINES_M = {"02": 0.27, "03": -0.27}
-
-
-def check_frames(duration_ns: int, interval_ns: int) -> None:
-    """Raises ``SettingError`` for more frames than anyone has simulated: a typing error, which
-    would exhaust the memory before any message appears.
-    """
-    if duration_ns / interval_ns > MAX_FRAMES:
-        text = f"makes more than {MAX_FRAMES:,} frames of {duration_text(duration_ns)}"
-        raise SettingError("interval", text)
 
 
 class Motions(NamedTuple):
@@ -101,9 +88,9 @@ class SceneDrive(Drive):
         self.scene, self.car, self.origin = scene, car, scene.origin
         self.duration_ns, self.interval_ns, self.start_ns = duration_ns, interval_ns, start_ns
         self.name = f"{scene.name}_{car}"
-        text = json.dumps([scene.digest, car, start_ns, interval_ns])
-        self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
-        self.key = int(self.picture_prefix[:16], 16)
+        named = f"{scene.digest} {car}"
+        self.picture_prefix = hashlib.sha256(named.encode()).hexdigest()[:48]
+        self.key = named_key(scene.random_name, scene.seed, car)
         self._make_course = course
         count = math.ceil(duration_ns / interval_ns)
         self.frames: Mapping[str, Sequence[SceneFrame]] = {
@@ -129,10 +116,11 @@ class FrameBatch:
 
     def __init__(self, drive: SceneDrive, camera: str, indices: Sequence[int]) -> None:
         self.drive, self.camera = drive, camera
-        t_s = np.array([drive.start_ns + index * drive.interval_ns for index in indices]) * 1e-9
+        scene_ns = [drive.start_ns + index * drive.interval_ns for index in indices]
+        t_s = np.array(scene_ns) * 1e-9
         motions = drive.course.at(t_s)
         left_m = BASELINES_M[camera]
-        keys = [frame_key(drive.key, camera, index) for index in indices]
+        keys = [frame_key(drive.key, camera, at_ns) for at_ns in scene_ns]
         # As columns: of every car of a fleet some batch is in memory at any time.
         self._poses = ViewPoses(
             east_m=_rounded(motions.east_m - left_m * motions.sin, POSITION_DECIMALS),
@@ -181,7 +169,7 @@ class FrameBatch:
         """What is really in view in one of the frames."""
         begin, end = self._visible.pose.searchsorted((pose, pose + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
-        return tuple(self.drive.scene.truth(visible, self._poses.t_s))
+        return tuple(self.drive.scene.truth(visible))
 
 
 def _rounded(values: Iterable[float], decimals: int) -> Array:
@@ -193,10 +181,11 @@ class SceneFrame:
     """One camera frame of a town or of traffic: has what a ``TraceFrame`` has, but no boxes. It is
     the frame ``index`` of its camera, and ``number`` of its batch.
 
-    ``digest`` names the scene, the car, the camera and the frame: no two frames are byte for byte
+    ``digest`` names the scene, the car, the camera and the time: no two frames are byte for byte
     the same picture. ``dhash`` are bits of their own for each frame, so that pictures are never
-    similar by it, however near their poses. ``detections`` are made when they are first asked for,
-    from the scene's seed, the car and the frame alone.
+    similar by it, however near their poses. ``detections`` are made when they are first asked for;
+    their random numbers hang on the scene's seed, the car, the camera and the time alone: where
+    settings change, what is still there is seen with the same luck.
     """
 
     __slots__ = (
@@ -223,7 +212,7 @@ class SceneFrame:
         self.camera, self.index = batch.camera, index
         self.stamp_ns = index * drive.interval_ns
         self.dhash, self.pose = batch.key(number), batch.camera_pose(number)
-        self.digest = f"{drive.picture_prefix}{self.camera}{index:014x}"
+        self.digest = f"{drive.picture_prefix}{self.camera}{self.scene_ns:014x}"
         self._detections: tuple[Detection, ...] | None = None
 
     @property

@@ -45,11 +45,8 @@ FLEETING_SCORE = BitField(48, 16)
 LIGHT = BitField(0, 16)
 
 # The number of an object of a town: the street, the stream on it (0 for what stands; a stream of
-# cyclists has a second one for the persons on the bicycles), and which one it is of those. In a
-# stream they are counted from the middle on: who comes in at one end of a street has a number above
-# or below all that are there, so that there is room on both sides.
+# cyclists has a second one for the persons on the bicycles), and which one it is of those.
 MEMBER, STREAM, STREET = BitField(0, 32), BitField(32, 4), BitField(36, 28)
-MIDDLE_MEMBER = 1 << MEMBER.bits - 1
 
 
 def mix(key: Any) -> Any:
@@ -60,14 +57,15 @@ def mix(key: Any) -> Any:
     return key ^ (key >> 31)
 
 
-def seed_key(scene: str, seed: int) -> int:
-    """The key of a scene's seed, by the name of the scene's random numbers."""
-    return int.from_bytes(hashlib.sha256(f"{scene} {seed}".encode()).digest()[:8], "big")
+def named_key(*names: str | int) -> int:
+    """The key of a scene's random numbers and seed, or of a car with these."""
+    text = " ".join(map(str, names))
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big")
 
 
-def frame_key(of_car: int, camera: str, index: int) -> int:
-    """The key of a frame of one of a car's cameras, "02" or "03"."""
-    key: int = mix(of_car ^ index << 8 ^ int(camera))
+def frame_key(of_car: int, camera: str, scene_ns: int) -> int:
+    """The key of the frame that one of a car's cameras, "02" or "03", takes at a time."""
+    key: int = mix(of_car ^ scene_ns << 8 ^ int(camera))
     return key
 
 

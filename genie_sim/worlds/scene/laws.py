@@ -30,7 +30,7 @@ their looks the share with each of the ``names``. ``provenance`` says what they 
 import functools
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from itertools import accumulate
 from statistics import NormalDist
@@ -94,18 +94,20 @@ class FittedLaws:
         real, ghosts = fitted["groups"], fitted["ghosts"]
         lasting = {name: of for name, of in ghosts.items() if of["places"]}
         groups = [*real.values(), *lasting.values()]
+        smooth = functools.cache(smooth_normals)  # for now: its rows are large
         self.score = _copula(
+            smooth,
             [group["score_correlation"] for group in groups],
             [_score_table(group["found"]) for group in groups],
         )
         self.along, self.across = (
             _copula(
+                smooth,
                 [group[f"{name}_correlation"] for group in groups],
                 [_place_table(group["place"], f"{name}_m") for group in groups],
             )
             for name in ("along", "across")
         )
-        smooth_normals.cache_clear()  # the copulas have their rows by now, and they are large
         of_groups = [(name, True) for name in real] + [(name, False) for name in lasting]
         self._groups = {kind: number for number, kind in enumerate(of_groups)}
         renamed = fitted["vehicle_names"]
@@ -142,14 +144,20 @@ def synthetic_laws() -> FittedLaws:
     return FittedLaws(json.loads(path.read_text(encoding="utf-8")))
 
 
-def _copula(correlations: Sequence[Mapping[str, float]], tables: Sequence[Array]) -> Copula:
-    """The copula of all groups, from the fitted shares of the variance and the table of each."""
+def _copula(
+    smooth: Callable[[float], Array],
+    correlations: Sequence[Mapping[str, float]],
+    tables: Sequence[Array],
+) -> Copula:
+    """The copula of all groups, from smooth numbers (``noise.smooth_normals``), the fitted shares
+    of the variance and the table of each.
+    """
     weights = []
     for fitted in correlations:
         rest = max(0.0, 1.0 - fitted["object"] - fitted["view"])
         weights.append([share**0.5 for share in (fitted["object"], fitted["view"], rest)])
     of_object, of_view, of_look = np.array(weights).T
-    views = [smooth_normals(VIEW_STEP_M / fitted["smooth_m"]) for fitted in correlations]
+    views = [smooth(VIEW_STEP_M / fitted["smooth_m"]) for fitted in correlations]
     return Copula(
         object_weight=of_object,
         view_weight=of_view,

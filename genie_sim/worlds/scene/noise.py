@@ -29,7 +29,6 @@ def normals() -> tuple[float, ...]:
     return tuple(round(quantile((i + 0.5) / count), 9) for i in range(count))
 
 
-@functools.cache
 def smooth_normals(step: float) -> Array:
     """65,536 standard normal numbers in a row, in which numbers n rows apart are correlated by
     exp(-n step).

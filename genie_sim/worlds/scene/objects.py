@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from genie_sim.base.classes import SIZES
+from genie_sim.base.classes import SIZES, class_of
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
 from genie_sim.core.messages import Location
@@ -36,12 +36,11 @@ REACHES_M = {label: FOCAL_PX * size.height_m / MIN_HEIGHT_PX for label, size in 
 
 
 class SceneObject(NamedTuple):
-    """Something that is really there, at some time: what it is, its number, whether it moves, and
-    where its middle is [m].
+    """Something that is really there, at some time: what it is, whether it moves, and where its
+    middle is [m].
     """
 
     label: str
-    number: int
     moving: bool
     east_m: float
     north_m: float
@@ -59,7 +58,7 @@ class ObjectColumns:
     Parameters
     ----------
     label : its class
-    number : its own
+    number : its own, from which its random numbers follow
     real : ``False`` for a ghost
     laws : how a detector sees them
     seed_key : of the scene's seed
@@ -75,20 +74,29 @@ class ObjectColumns:
         seed_key: int,
     ) -> None:
         self.label = np.array(label, dtype=object)
-        self.number: Ints = np.array(number, dtype=np.int64)
         self.real: Flags = np.array(real, dtype=bool)
         # height of its middle, and from how far away it can be seen [m]
         self.up_m = np.array([MIDDLES_M[name] for name in label])
         self.reach_m = np.array([REACHES_M[name] for name in label])
+        classes = [class_of(name) for name in label]
+        self._codes = {name: code for code, name in enumerate(dict.fromkeys(classes))}
+        # the code of its class, and of a ghost that of nothing
+        self.class_: Ints = np.array([self._codes[name] for name in classes], dtype=np.int64)
+        self.class_[~self.real] = self.nothing = len(self._codes)
         groups = map(laws.group_of, label, real)
         self.group: Ints = np.array(list(groups), dtype=np.int64)
-        self.key: Bits = keys.mix(seed_key ^ keys.mix(self.number.astype(np.uint64)))
+        self.key: Bits = keys.mix(seed_key ^ keys.mix(np.array(number, dtype=np.uint64)))
         # where its smooth numbers begin
         self.offset: Ints = keys.OBJECT_VIEW.of(self.key).astype(np.int64)
         # its lasting share in the copulas of the score and of the errors along and across
         self.score_z = self._lasting(laws.score, keys.OBJECT_SCORE)
         self.along_z = self._lasting(laws.along, keys.OBJECT_ALONG)
         self.across_z = self._lasting(laws.across, keys.OBJECT_ACROSS)
+
+    def classes_of(self, labels: Sequence[str]) -> Ints:
+        """The codes of the classes of labels (n,), or that of nothing."""
+        codes = (self._codes.get(class_of(label), self.nothing) for label in labels)
+        return np.fromiter(codes, dtype=np.int64, count=len(labels))
 
     def _lasting(self, copula: Copula, draw: keys.BitField) -> Array:
         drawn = np.array(normals())[draw.of(self.key).astype(np.int64)]

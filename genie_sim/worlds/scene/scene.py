@@ -2,20 +2,30 @@
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
-from genie_sim.data.frame_source import Drives
+from genie_sim.base.marks import POSITIVE
+from genie_sim.base.seeds import stream
+from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.spans import Ints
+from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text
+from genie_sim.data.frame_source import Drives, FrameSource
 from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.keys import named_key
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
 from genie_sim.worlds.scene.objects import Flags, ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
-from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, VisibleObjects
 
 if TYPE_CHECKING:
     from genie_sim.worlds.scene.frames import SceneDrive, SceneFrame
+
+
+MAX_FRAMES = 100_000_000
 
 
 class SceneVisibility(Protocol):
@@ -26,28 +36,28 @@ class SceneVisibility(Protocol):
         if the poses are near each other.
         """
 
-    def are_there(
-        self,
-        labels: Sequence[str],
-        east_m: Array,
-        north_m: Array,
-        *,
-        t_s: Array,
-        tolerance_m: float,
-    ) -> Flags:
-        """Whether anything of the class of each label (n,) is within a distance [m] of each place
-        (n,) at its time (n,), whether it can be seen or not.
+    def near(
+        self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
+    ) -> PlacedObjects:
+        """All objects that are within a distance [m] of places (n,) at their times (n,), whether
+        they can be seen or not, and maybe others: those of the place's ``class_``
+        (n,) are among them.
         """
 
 
 class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
-    A subclass gives ``digest``, ``objects``, ``visibility``, ``are_moving`` and ``facts``. The same
-    ``digest`` is the same scene: the sha256 of all that decides what cameras see.
+    A subclass gives ``digest``, ``objects``, ``visibility`` and ``facts``. The same
+    ``digest`` is the same scene: the sha256 of all that decides what cameras see. No random number
+    hangs on it, but on ``random_name`` and the seed: other settings are another scene of the same
+    draws.
     """
 
     name: ClassVar[str]
+    random_name: ClassVar[str]
+    """Names the random numbers: another word draws anew for every seed."""
+
     origin: ClassVar[Geodetic]
     """Where east and north are 0: latitude [deg], longitude [deg], altitude [m]."""
 
@@ -56,9 +66,15 @@ class Scene:
 
     digest: str
 
-    def __init__(self, seed: int) -> None:
-        self.seed = seed
+    def __init__(self, seed: int, view_m: float) -> None:
+        """``view_m`` is the largest distance at which a camera's detector finds anything."""
+        self.seed, self.view_m = seed, view_m
+        self.key = named_key(self.random_name, seed)
         self.laws: FittedLaws = synthetic_laws()
+
+    def random(self, *names: str | int) -> np.random.Generator:
+        """The random numbers of a name, which hang on the seed and the name alone."""
+        return stream(self.seed, self.random_name, *names)
 
     @property
     def objects(self) -> ObjectColumns:
@@ -73,32 +89,46 @@ class Scene:
     @functools.cached_property
     def detector(self) -> SyntheticDetector:
         """The detector of every camera."""
-        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid)
+        return SyntheticDetector(self.objects, self.laws, on_grid=self.on_grid, view_m=self.view_m)
 
     def knows(self, label: str) -> bool:
         """Whether objects with a label would be among ``objects`` if they were there."""
         return True
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject]:
-        """The real ones of the objects that are visible from some poses, as they are at each pose's
-        time [s].
+    def are_there(
+        self,
+        labels: Sequence[str],
+        east_m: Array,
+        north_m: Array,
+        *,
+        t_s: Array,
+        tolerance_m: float,
+    ) -> Flags:
+        """Whether anything of the class of each label (n,) is within a distance [m] of each place
+        (n,) at its time (n,), whether it can be seen or not.
         """
+        class_ = self.objects.classes_of(labels)
+        near = self.visibility.near(east_m, north_m, t_s, class_=class_, radius_m=tolerance_m)
+        place = near.pose
+        away_m = np.hypot(near.east_m - east_m[place], near.north_m - north_m[place])
+        is_it = (away_m <= tolerance_m) & (self.objects.class_[near.row] == class_[place])
+        result = np.zeros(len(labels), dtype=bool)
+        result[place[is_it]] = True
+        return result
+
+    def truth(self, visible: VisibleObjects) -> list[SceneObject]:
+        """The real ones of the objects that are visible from some poses."""
         is_real = self.objects.real[visible.row]
         visible = VisibleObjects._make(column[is_real] for column in visible)
         objects, row = self.objects, visible.row
         columns = (
             objects.label[row],
-            objects.number[row] - visible.number_offset,
-            self.are_moving(visible, t_s),
+            visible.moving,
             visible.east_m,
             visible.north_m,
             objects.up_m[row],
         )
         return [SceneObject(*of) for of in zip(*(c.tolist() for c in columns), strict=True)]
-
-    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
-        """Which of the visible objects (n,) move at their poses' times [s]."""
-        raise NotImplementedError
 
     def facts(self) -> Mapping[str, object]:
         """What the scene is made from, besides its seed."""
@@ -134,9 +164,39 @@ class SceneTruth:
         self, frames: Sequence["SceneFrame"], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Flags:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
-        return self._scene.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
-        )
+        return self._scene.are_there(labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m)
+
+
+@dataclass(frozen=True)
+class SceneSource(FrameSource):
+    """The settings of a source of scenes.
+
+    Each car takes a frame every ``interval_ns``; recordings are "02" and "03". An object that a
+    car's consumer holds is right if one of its class really is within ``tolerance_m`` of it;
+    objects up to ``range_m`` away count. Both are a ruler, the same whatever a Genie is told.
+    Raises ``SettingError`` for more frames than anyone has simulated: a typing error, which would
+    exhaust the memory before any message appears.
+    """
+
+    is_one_world: ClassVar[bool] = True  # cars meet: what one sees is there for the others
+    is_map: ClassVar[bool] = True  # cars drive in it, alone or as a fleet
+
+    duration_ns: Annotated[int, POSITIVE] = 60 * NS_PER_S
+    """How long is simulated: how long cars drive, or at most."""
+
+    interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
+    """Time between two frames of a camera."""
+
+    tolerance_m: Annotated[float, POSITIVE] = 2.0
+    """How far an answer may be from the truth and still count as right."""
+
+    range_m: Annotated[float, POSITIVE] = 50.0
+    """Objects up to this distance are judged."""
+
+    def __post_init__(self) -> None:
+        if self.duration_ns / self.interval_ns > MAX_FRAMES:
+            text = f"makes more than {MAX_FRAMES:,} frames of {duration_text(self.duration_ns)}"
+            raise SettingError("interval", text)
 
 
 class SceneDrives(Drives):
@@ -144,9 +204,9 @@ class SceneDrives(Drives):
 
     seeded = True
 
-    def __init__(self, scene: Scene, *, tolerance_m: float, range_m: float) -> None:
+    def __init__(self, scene: Scene, settings: SceneSource) -> None:
         self.scene = scene
-        self._truth = SceneTruth(scene, tolerance_m, range_m)
+        self._truth = SceneTruth(scene, settings.tolerance_m, settings.range_m)
 
     def digests(self) -> Mapping[str, str]:
         return {self.scene.name: self.scene.digest}

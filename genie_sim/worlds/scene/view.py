@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
-from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, Bits, ObjectColumns
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, Bits, Flags, ObjectColumns
 
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
 HALF_C, HALF_S = math.cos(HORIZONTAL_FOV_RAD / 2), math.sin(HORIZONTAL_FOV_RAD / 2)
@@ -32,17 +32,13 @@ class ViewPoses(NamedTuple):
 
 
 class PlacedObjects(NamedTuple):
-    """Objects that may be seen: from which pose, the row of the object, and where it is then, east
-    and north [m].
-
-    ``number_offset`` is what to take off the object's number: who leaves a town's street enters at
-    its other end as somebody else. It changes each time by the size of the object's stream: down
-    from 0 for those who go east or north, up for those who come back. In traffic it is 0.
+    """Objects that may be seen: from which pose, the row of the object, whether it moves then, and
+    where it is, east and north [m].
     """
 
     pose: Ints
     row: Ints
-    number_offset: Ints
+    moving: Flags
     east_m: Array
     north_m: Array
 
@@ -54,7 +50,7 @@ class VisibleObjects(NamedTuple):
 
     pose: Ints
     row: Ints
-    number_offset: Ints
+    moving: Flags
     east_m: Array
     north_m: Array
     range_m: Array

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from genie_sim.base.classes import class_of
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
 from genie_sim.worlds.scene.objects import Flags, ObjectColumns
@@ -35,8 +34,7 @@ ROUNDING_M = 1e-6
 
 class _Tracks(NamedTuple):
     """How all objects move, as columns: where each is at time 0 [m], along and across its street,
-    its speed [m/s] along it, whether the street leads north, its length [m], and the size of the
-    object's stream (``streets.StreetObject``).
+    its speed [m/s] along it, whether the street leads north, and its length [m].
     """
 
     along_m: Array
@@ -44,7 +42,6 @@ class _Tracks(NamedTuple):
     speed_mps: Array
     northbound: Flags
     length_m: Array
-    stream_size: Ints
 
 
 class _SameVelocity:
@@ -82,35 +79,19 @@ class Places:
         self._objects, self._view_m, self._block_m = objects, rules.view_m, rules.block_m
         self._house_m = rules.block_m / 2 - rules.street_half_m  # from the middle of a block
         rows = [
-            (
-                of.along_m,
-                of.across_m,
-                of.speed_mps,
-                street.northbound,
-                street.length_m,
-                of.stream_size,
-            )
+            (of.along_m, of.across_m, of.speed_mps, street.northbound, street.length_m)
             for street in streets
             for of in street.objects
         ]
         self._tracks = _Tracks._make(np.array(column) for column in zip(*rows, strict=True))
-        classes = [class_of(label) for label in objects.label.tolist()]
-        self._codes = {label: code for code, label in enumerate(dict.fromkeys(classes))}
-        self._class = np.array([self._codes[label] for label in classes], dtype=int)
-        self._class[~objects.real] = self._nothing = len(self._codes)
         ways = np.array([self._tracks.speed_mps, self._tracks.northbound])
         different, way = np.unique(ways, axis=1, return_inverse=True)
         self._velocities = []
         for number in range(different.shape[1]):
             of_way = np.flatnonzero(way.ravel() == number)
-            has_class = np.bincount(self._class[of_way], minlength=self._nothing + 1) > 0
-            has_class[self._nothing] = False
+            has_class = np.bincount(objects.class_[of_way], minlength=objects.nothing + 1) > 0
+            has_class[objects.nothing] = False
             self._velocities.append(_SameVelocity(of_way, self._tracks, has_class))
-
-    @property
-    def speed_mps(self) -> Array:
-        """Of each object (objects,)."""
-        return self._tracks.speed_mps
 
     def _moved(self, east_m: Array, north_m: Array, t_s: Array) -> Array:
         """Places (n,) at their times in the frame of each velocity (velocities, n, 2)."""
@@ -119,21 +100,18 @@ class Places:
         along_m = np.where(northbound, north_m, east_m) - speed_mps * t_s
         return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
 
-    def _at(self, row: Ints, t_s: Array) -> tuple[Ints, Array, Array]:
-        """The ``number_offset`` of objects at some times (``PlacedObjects``), and their east and
-        north [m]; ``row`` and ``t_s`` are broadcast together.
-        """
-        start_m, across_m, speed_mps, northbound, length_m, stream_size = (
+    def _at(self, row: Ints, t_s: Array) -> tuple[Array, Array]:
+        """East and north [m] of objects at some times; the two are broadcast together."""
+        start_m, across_m, speed_mps, northbound, length_m = (
             column[row] for column in self._tracks
         )
         gone_m = speed_mps * t_s
-        # how often each has begun anew: negative for those who go east or north
-        laps = np.where(speed_mps == 0.0, 0.0, -np.floor_divide(start_m + gone_m, length_m))
-        along_m = start_m + (gone_m + laps * length_m)
+        # how often each has begun anew: negative for those who come back
+        laps = np.where(speed_mps == 0.0, 0.0, np.floor_divide(start_m + gone_m, length_m))
+        along_m = start_m + (gone_m - laps * length_m)
         east_m = np.where(northbound, across_m, along_m)
         north_m = np.where(northbound, along_m, across_m)
-        number_offset = laps.astype(int) * stream_size
-        return number_offset, east_m, north_m
+        return east_m, north_m
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
         ahead_m = self._view_m / (2 * HALF_C)  # in a circle is all that is in view, and the camera
@@ -148,12 +126,12 @@ class Places:
                 for number, same in enumerate(self._velocities)
             ]
         )
-        number_offset, east_m, north_m = self._at(row, poses.t_s[:, None])
+        east_m, north_m = self._at(row, poses.t_s[:, None])
         pose = np.arange(len(poses.t_s))
         candidates = PlacedObjects(
             pose=np.repeat(pose, len(row)),
             row=np.tile(row, len(pose)),
-            number_offset=number_offset.ravel(),
+            moving=np.tile(self._tracks.speed_mps[row] != 0.0, len(pose)),
             east_m=east_m.ravel(),
             north_m=north_m.ravel(),
         )
@@ -186,28 +164,17 @@ class Places:
             shares.append(between(middle_m - from_m, to_m - from_m, self._house_m))
         return shares
 
-    def are_there(
-        self,
-        labels: Sequence[str],
-        east_m: Array,
-        north_m: Array,
-        *,
-        t_s: Array,
-        tolerance_m: float,
-    ) -> Flags:
-        codes = (self._codes.get(class_of(label), self._nothing) for label in labels)
-        class_ = np.fromiter(codes, dtype=int, count=len(labels))
-        queries, rows = [], []  # of each object near one of the places
+    def near(
+        self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
+    ) -> PlacedObjects:
+        """As ``scene.SceneVisibility``, but speed by speed."""
+        places, rows = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         for same, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):
             asked = np.flatnonzero(same.has_class[class_])
             if len(asked):
-                number, row = same.near(moved_m[asked], tolerance_m)
-                queries.append(asked[number])
+                place, row = same.near(moved_m[asked], radius_m)
+                places.append(asked[place])
                 rows.append(row)
-        result = np.zeros(len(labels), dtype=bool)
-        if rows:
-            query, row = np.concatenate(queries), np.concatenate(rows)
-            _, there_east_m, there_north_m = self._at(row, t_s[query])
-            away_m = np.hypot(there_east_m - east_m[query], there_north_m - north_m[query])
-            result[query[(away_m <= tolerance_m) & (self._class[row] == class_[query])]] = True
-        return result
+        place, row = np.concatenate(places), np.concatenate(rows)
+        moving = self._tracks.speed_mps[row] != 0.0
+        return PlacedObjects(place, row, moving, *self._at(row, t_s[place]))

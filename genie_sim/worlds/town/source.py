@@ -3,14 +3,10 @@ known.
 """
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING
 
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.marks import POSITIVE
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.data.frame_source import FrameSource
-from genie_sim.worlds.scene.frames import check_frames
-from genie_sim.worlds.scene.scene import SceneDrives
+from genie_sim.worlds.scene.scene import SceneDrives, SceneSource
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
@@ -20,35 +16,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class InTown(FrameSource):
-    """Every car drives its own way through a generated town.
-
-    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and
-    "03". An object that a car's consumer holds is right if one of its class really is within
-    ``tolerance_m`` of it; objects up to ``range_m`` away count. Both are a ruler, the same whatever
-    a Genie is told. The town is made from ``town`` and the scenario's seed.
+class InTown(SceneSource):
+    """Every car drives its own way through a generated town, for ``duration_ns``. The town is made
+    from ``town`` and the scenario's seed.
     """
-
-    is_one_world: ClassVar[bool] = True  # cars meet: what one sees is there for the others
-    is_map: ClassVar[bool] = True  # cars drive in it, alone or as a fleet
-
-    duration_ns: Annotated[int, POSITIVE] = 60 * NS_PER_S
-    """How long every car drives."""
-
-    interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
-    """Time between two frames of a camera."""
-
-    tolerance_m: Annotated[float, POSITIVE] = 2.0
-    """How far an answer may be from the truth and still count as right."""
-
-    range_m: Annotated[float, POSITIVE] = 50.0
-    """Objects up to this distance are judged."""
 
     town: TownRules = field(default_factory=TownRules)
     """How the town is built. Densities are assumed; they give frames as many objects as KITTI's."""
-
-    def __post_init__(self) -> None:
-        check_frames(self.duration_ns, self.interval_ns)
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
@@ -66,7 +40,7 @@ class TownDrives(SceneDrives):
     scene: "Town"
 
     def __init__(self, town: "Town", settings: InTown) -> None:
-        super().__init__(town, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
+        super().__init__(town, settings)
         self.settings, self.extent_m = settings, (0.0, 0.0, *town.size_m)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "SceneDrive":

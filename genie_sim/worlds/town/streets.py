@@ -1,8 +1,8 @@
 """What stands and what moves on every street.
 
 Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their
-speed and their distances, stop for nobody, and leave at one end of the town as others enter at its
-other end. So where they are at any time is one sum.
+speed and their distances, stop for nobody, and come back at one end of the town when they leave it
+at the other. So where they are at any time is one sum.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.worlds.scene.keys import MIDDLE_MEMBER, object_number
+from genie_sim.worlds.scene.keys import object_number
 from genie_sim.worlds.town.rules import (
     CLEAR_M,
     GHOST_BESIDE_M,
@@ -32,9 +32,8 @@ class StreetObject(NamedTuple):
     """Something on a street, or a ghost there, which stands or keeps a speed.
 
     ``along_m`` and ``across_m`` are where it is at time 0, along the street and across it, from the
-    town's zero; ``speed_mps`` is towards the street's end, and negative for those who come back. A
-    stream starts from ``stream_size`` places: who enters in place of one who has left the street
-    has a number that is by so much higher, or lower for those who come back.
+    town's zero; ``speed_mps`` is towards the street's end, and negative for those who come back.
+    Who leaves the street enters it again at its other end.
     """
 
     label: str
@@ -43,24 +42,18 @@ class StreetObject(NamedTuple):
     across_m: float
     real: bool = True
     speed_mps: float = 0.0
-    stream_size: int = 0
 
 
 class Street(NamedTuple):
-    """A street that leads north, or else east, and all that is on it."""
-
-    northbound: bool
-    length_m: float
-    objects: list[StreetObject]
-
-
-class _Line(NamedTuple):
-    """Where the ``number``-th street of a direction runs: across so many blocks [m]."""
+    """The ``number``-th street that leads north, or else east, along so many blocks [m], and all
+    that is on it.
+    """
 
     northbound: bool
     number: int
     blocks: int
     block_m: float
+    objects: list[StreetObject]
 
     @property
     def length_m(self) -> float:
@@ -91,31 +84,36 @@ def lay_out(
     The order of the draws is part of the town: another one, or a draw in between, makes another
     town of every seed. What is new draws at the end.
     """
-    line = _Line(northbound, index, rules.blocks[1 if northbound else 0], rules.block_m)
+    blocks = rules.blocks[1 if northbound else 0]
+    street = Street(northbound, index, blocks, rules.block_m, objects=[])
     standing = [
         StreetObject(
             label,
             object_number(northbound, index, stream=0, member=member),
             along_m,
-            line.middle_m + beside_m,
+            street.middle_m + beside_m,
             real,
         )
         for member, (label, along_m, beside_m, real) in enumerate(
-            _standing(rules, ghosts_per_100m, line, random)
+            _standing(rules, ghosts_per_100m, street, random)
         )
     ]
     standing.sort(key=lambda item: (item.along_m, item.number))
-    return Street(northbound, line.length_m, [*standing, *_moving(rules, line, random)])
+    street.objects.extend([*standing, *_moving(rules, street, random)])
+    return street
 
 
 def _standing(
-    rules: TownRules, ghosts_per_100m: Mapping[str, float], line: _Line, random: np.random.Generator
+    rules: TownRules,
+    ghosts_per_100m: Mapping[str, float],
+    street: Street,
+    random: np.random.Generator,
 ) -> Iterator[tuple[str, float, float, bool]]:
     """What stands on a street: label, place along it and beside its middle, and whether it is
     there or a ghost.
     """
     for side in (-1, 1):
-        for along_m, is_truck in _parked(rules, line.blocks, random):
+        for along_m, is_truck in _parked(rules, street.blocks, random):
             yield "truck" if is_truck else "car", along_m, side * PARKED_M, True
     anywhere = [
         ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0, True),
@@ -126,22 +124,24 @@ def _standing(
     for label, density in ghosts_per_100m.items():
         anywhere.append((label, density, GHOST_BESIDE_M, False))
     for label, density, beside_m, real in anywhere:
-        for along_m, side in _scattered(density, line.length_m, random):
+        for along_m, side in _scattered(density, street.length_m, random):
             yield label, along_m, side * beside_m, real
-    sign = "traffic light" if rules.main(line.number) else "stop sign"
-    for crossing in filter(rules.main, range(line.blocks + 1)):
+    sign = "traffic light" if rules.main(street.number) else "stop sign"
+    for crossing in filter(rules.main, range(street.blocks + 1)):
         for direction in (-1, 1):
             along_m = crossing * rules.block_m - direction * JUNCTION_M
-            if 0.0 <= along_m <= line.length_m:
-                yield sign, along_m, direction * line.right * PAVEMENT_M, True
+            if 0.0 <= along_m <= street.length_m:
+                yield sign, along_m, direction * street.right * PAVEMENT_M, True
 
 
-def _moving(rules: TownRules, line: _Line, random: np.random.Generator) -> Iterator[StreetObject]:
+def _moving(
+    rules: TownRules, street: Street, random: np.random.Generator
+) -> Iterator[StreetObject]:
     """What moves on a street, stream by stream. A stream of cyclists has a second one beside it, of
     those on the bicycles; so every other number is a stream's own.
     """
     kinds = (
-        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(line.number)),
+        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(street.number)),
         (("bicycle", "person"), rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
         (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
     )
@@ -149,17 +149,16 @@ def _moving(rules: TownRules, line: _Line, random: np.random.Generator) -> Itera
     for stream, ((labels, density, off_m, speed_mps), direction) in zip(
         itertools.count(1, 2), ways
     ):
-        count = random.poisson(density / 2 * line.length_m / 100)
-        starts_m = np.sort(random.random(count) * line.length_m).tolist()
-        for member, start_m in enumerate(starts_m, MIDDLE_MEMBER):
+        count = random.poisson(density / 2 * street.length_m / 100)
+        starts_m = np.sort(random.random(count) * street.length_m).tolist()
+        for member, start_m in enumerate(starts_m):
             for own_stream, label in enumerate(labels, stream):
                 yield StreetObject(
                     label,
-                    object_number(line.northbound, line.number, own_stream, member),
+                    object_number(street.northbound, street.number, own_stream, member),
                     start_m,
-                    line.middle_m + direction * line.right * off_m,
+                    street.middle_m + direction * street.right * off_m,
                     speed_mps=direction * speed_mps,
-                    stream_size=count,
                 )
 
 

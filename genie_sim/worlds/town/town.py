@@ -9,13 +9,9 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.geometry import Array
-from genie_sim.base.seeds import stream
 from genie_sim.worlds.scene.frames import SceneDrive
-from genie_sim.worlds.scene.keys import seed_key
-from genie_sim.worlds.scene.objects import Flags, ObjectColumns
+from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene
-from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.commuting import Commuting
 from genie_sim.worlds.town.places import Places
@@ -23,8 +19,6 @@ from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Street, lay_out
 
 DETECTOR = "town"  # what the town's detector is called
-# Names the random numbers, here and in digests: another word makes another town of every seed.
-RANDOM_NAME = "city"
 
 
 def drive_name(seed: int) -> str:
@@ -39,17 +33,17 @@ class Town(Scene):
     at 0; what moves is where it is at that time for every car that looks.
     """
 
-    name = "town"
+    name, random_name = "town", "city"
     origin = 49.0, 8.4, 115.0  # near Karlsruhe, where KITTI was recorded; the town is made up
     on_grid = True
 
     def __init__(self, rules: TownRules, seed: int) -> None:
         if seed < 0:
             raise UserError(f"town: seed: {seed} is negative")
-        super().__init__(seed)
+        super().__init__(seed, rules.view_m)
         self.rules = rules
         text = json.dumps(
-            [f"{RANDOM_NAME} 1", asdict(rules), seed, self.laws.digest], sort_keys=True
+            [f"{self.random_name} 1", asdict(rules), seed, self.laws.digest], sort_keys=True
         )
         self.digest = hashlib.sha256(text.encode()).hexdigest()
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
@@ -67,7 +61,7 @@ class Town(Scene):
                 ghosts_per_100m,
                 northbound,
                 index,
-                random=stream(self.seed, RANDOM_NAME, "north" if northbound else "east", index),
+                random=self.random("north" if northbound else "east", index),
             )
             for northbound, count in ((False, rows + 1), (True, columns + 1))
             for index in range(count)
@@ -82,7 +76,7 @@ class Town(Scene):
             [item.number for item in items],
             [item.real for item in items],
             laws=self.laws,
-            seed_key=seed_key(RANDOM_NAME, self.seed),
+            seed_key=self.key,
         )
 
     @functools.cached_property
@@ -90,13 +84,9 @@ class Town(Scene):
         """Where everything is, and what every camera in the town has in view."""
         return Places(self.rules, self.streets, self.objects)
 
-    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
-        are_moving: Flags = self.visibility.speed_mps[visible.row] != 0.0
-        return are_moving
-
     @functools.cached_property
     def _commuting(self) -> Commuting:
-        return Commuting(self.rules, stream(self.seed, RANDOM_NAME, "destinations"))
+        return Commuting(self.rules, self.random("destinations"))
 
     def drive(
         self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0
@@ -109,7 +99,7 @@ class Town(Scene):
         """
 
         def course() -> routes.PiecewiseCourse:
-            random = stream(self.seed, RANDOM_NAME, "car", car)
+            random = self.random("car", car)
             begin_s, end_s = start_ns * 1e-9, (start_ns + duration_ns) * 1e-9
             return routes.drive(self._commuting, random, begin_s, end_s)
 

@@ -72,40 +72,77 @@ class _Step:
 
 
 class _Reader:
-    """Takes what a file holds, one element after the other: ``finished`` are the steps read so far,
-    of which ``steps`` hands on those that nobody has had. ``where`` tells the line being read.
+    """Takes what a file holds, one element after the other: ``_finished`` are the steps that
+    nobody has had yet.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.where = str(path)
         self.numbers: dict[tuple[str, bool], int] = {}  # by id and whether a person
         self.types: list[str] = []
-        self.finished: list[_Step] = []
+        self._finished: list[_Step] = []
         self.first_s: float | None = None
         self.step: _Step | None = None
         self._there: set[int] = set()  # in this step
+        self._parser = expat.ParserCreate()
+        self._parser.StartDoctypeDeclHandler = self._doctype
+        self._parser.StartElementHandler = self._root
 
-    def steps(self) -> Iterator[_Step]:
-        yield from self.finished
-        self.finished.clear()
+    def steps(self, file: IO[bytes]) -> Iterator[_Step]:
+        """The steps of a file; what is wrong behind them is only found if they are not enough."""
+        while True:
+            chunk = file.read(CHUNK_BYTES)
+            try:
+                self._parser.Parse(chunk, not chunk)
+                if not chunk:
+                    self._end()
+            except expat.ExpatError as error:
+                text = f"{self.path}: not XML: {one_line(str(error))}"
+                raise UserError(f"{text}; SUMO's --fcd-output NAME.xml is") from error
+            finally:
+                yield from self._finished
+                self._finished.clear()
+            if not chunk:
+                return
+
+    @property
+    def where(self) -> str:
+        """The line that is being read, as errors begin."""
+        return f"{self.path}: line {self._parser.CurrentLineNumber}"
+
+    def _doctype(self, *_: object) -> None:
+        """One could define entities without end; SUMO writes none."""
+        raise self.error("has a document type; floating-car data of SUMO have none")
+
+    def _root(self, name: str, attributes: dict[str, str]) -> None:
+        if name != "fcd-export":
+            raise self.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
+        self._parser.StartElementHandler = self._element
+
+    def _element(self, name: str, attributes: dict[str, str]) -> None:
+        if name == "vehicle":
+            self._add(attributes, is_person=False)
+        elif name == "timestep":
+            self._begin(self._number(attributes, "timestep", "time", MAX_TIME_S))
+        elif name == "person" and not attributes.get("vehicle"):  # not one who rides
+            self._add({"angle": "0", **attributes}, is_person=True)
 
     def error(self, text: str) -> UserError:
         return UserError(f"{self.where}: {text}")
 
-    def begin(self, time_s: float) -> None:
+    def _begin(self, time_s: float) -> None:
         """A time step begins."""
-        self.end()
+        self._end()
         self.step = _Step(self.where, time_s)
         self.first_s = time_s if self.first_s is None else self.first_s
         self._there.clear()
 
-    def end(self) -> None:
+    def _end(self) -> None:
         """The time step is over."""
         if self.step is not None:
-            self.finished.append(self.step)
+            self._finished.append(self.step)
 
-    def add(self, attributes: Mapping[str, str], is_person: bool) -> None:
+    def _add(self, attributes: Mapping[str, str], is_person: bool) -> None:
         """A road user of this step, by its attributes."""
         if self.step is None:
             return
@@ -121,7 +158,7 @@ class _Reader:
                 self.step.invalid += 1
                 return
             for key, most in (("x", MAX_M), ("y", MAX_M), ("angle", MAX_TURN_DEG)):
-                self.number(attributes, f"{what} {short_repr(name)}", key, most)
+                self._number(attributes, f"{what} {short_repr(name)}", key, most)
         number = self.numbers.setdefault((name, is_person), len(self.types))
         if number == len(self.types):
             self.types.append("" if is_person else attributes.get("type", ""))
@@ -131,7 +168,7 @@ class _Reader:
         self.step.vehicles.append(number)
         self.step.values.extend((x_m, y_m, angle_deg, _speed(attributes.get("speed", "nan"))))
 
-    def number(
+    def _number(
         self, attributes: Mapping[str, str], what: str, name: str, most: float = MAX_M
     ) -> float:
         """An attribute that is a number up to ``most``. Raises UserError."""
@@ -146,49 +183,6 @@ class _Reader:
             limit = f" up to {most:g}" if math.isfinite(number) else ""
             raise self.error(f"{what}: {name}: must be a number{limit}, not {short_repr(text)}")
         return number
-
-
-def _steps(reader: _Reader, file: IO[bytes]) -> Iterator[_Step]:
-    """The steps of a file; what is wrong behind them is only found if they are not enough."""
-    parser = expat.ParserCreate()
-
-    def doctype(*_: object) -> None:
-        """One could define entities without end; SUMO writes none."""
-        reader.where = f"{reader.path}: line {parser.CurrentLineNumber}"
-        raise reader.error("has a document type; floating-car data of SUMO have none")
-
-    def root(name: str, attributes: dict[str, str]) -> None:
-        reader.where = f"{reader.path}: line {parser.CurrentLineNumber}"
-        if name != "fcd-export":
-            raise reader.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
-        parser.StartElementHandler = element
-
-    def element(name: str, attributes: dict[str, str]) -> None:
-        reader.where = f"{reader.path}: line {parser.CurrentLineNumber}"
-        if name == "vehicle":
-            reader.add(attributes, is_person=False)
-        elif name == "timestep":
-            reader.begin(reader.number(attributes, "timestep", "time", MAX_TIME_S))
-        elif name == "person" and not attributes.get("vehicle"):  # not one who rides
-            reader.add({"angle": "0", **attributes}, is_person=True)
-
-    parser.StartElementHandler, parser.StartDoctypeDeclHandler = root, doctype
-    while True:
-        chunk = file.read(CHUNK_BYTES)
-        try:
-            parser.Parse(chunk, not chunk)
-        except expat.ExpatError as error:
-            yield from reader.steps()
-            text = f"{reader.path}: not XML: {one_line(str(error))}"
-            raise UserError(f"{text}; SUMO's --fcd-output NAME.xml is") from error
-        except UserError:
-            yield from reader.steps()
-            raise
-        if not chunk:
-            reader.end()
-        yield from reader.steps()
-        if not chunk:
-            return
 
 
 def _speed(text: str) -> float:
@@ -215,7 +209,7 @@ def read_fcd(
         as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error),
         gzip.open(path) if is_gzip(path) else path.open("rb") as file,
     ):
-        in_file = _steps(reader, cast(IO[bytes], file))
+        in_file = reader.steps(cast(IO[bytes], file))
         steps = _wanted(reader, in_file, begin_s, duration_s)
     report = ImportReport(path, accept, "perception.accept: true")
     if begin_s is None:

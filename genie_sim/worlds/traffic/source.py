@@ -4,16 +4,15 @@ objects that these see.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from genie_sim.base import files
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.marks import POSITIVE, Bounds
+from genie_sim.base.marks import Bounds
 from genie_sim.base.setting_errors import SettingError
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.data.frame_source import FrameSource
-from genie_sim.worlds.scene.frames import check_frames
+from genie_sim.base.units import NS_PER_S
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
+from genie_sim.worlds.scene.scene import SceneSource
 from genie_sim.worlds.traffic.vehicle_types import VehicleType
 
 if TYPE_CHECKING:
@@ -22,18 +21,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class RecordedTraffic(FrameSource):
+class RecordedTraffic(SceneSource):
     """Cars drive with recorded traffic, such as floating-car data of SUMO.
 
     All vehicles of the file are there, for cars to see and to be hidden by; those that are
-    equipped are cars of the scenario. Each takes a frame every ``interval_ns`` from when it appears
-    to when it leaves; recordings are "02" and "03". An object that a car's consumer holds is right
-    if one of its class really is within ``tolerance_m`` of it; objects up to ``range_m`` away
-    count.
+    equipped are cars of the scenario, from when they appear to when they leave.
     """
-
-    is_one_world: ClassVar[bool] = True
-    is_map: ClassVar[bool] = True
 
     fcd: str = "sumo_grid"
     """A file of floating-car data (`.xml`, `.xml.gz`), or the name of one that comes with
@@ -42,18 +35,6 @@ class RecordedTraffic(FrameSource):
     begin_ns: int | None = None
     """The time in the file at which the simulation begins; by default its first time step
     with a vehicle."""
-
-    duration_ns: Annotated[int, POSITIVE] = 60 * NS_PER_S
-    """How long the traffic is simulated from then on."""
-
-    interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
-    """Time between two frames of a camera."""
-
-    tolerance_m: Annotated[float, POSITIVE] = 2.0
-    """How far an answer may be from the truth and still count as right."""
-
-    range_m: Annotated[float, POSITIVE] = 50.0
-    """Objects up to this distance are judged."""
 
     view_m: Annotated[float, Bounds(above=0, maximum=MAX_VIEW_M)] = 60.0
     """How far a camera's detector looks."""
@@ -70,7 +51,7 @@ class RecordedTraffic(FrameSource):
     """Read a file that cannot be right all the same, such as one whose places are in degrees."""
 
     def __post_init__(self) -> None:
-        check_frames(self.duration_ns, self.interval_ns)
+        super().__post_init__()
         if self.equipped == ():
             raise SettingError("equipped", "must not be empty")
         if isinstance(self.equipped, tuple) and len(set(self.equipped)) < len(self.equipped):

@@ -11,17 +11,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.base.classes import PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.geometry import Array
-from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
-from genie_sim.worlds.scene.keys import seed_key
-from genie_sim.worlds.scene.objects import Flags, ObjectColumns
+from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene, SceneDrives
-from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
 from genie_sim.worlds.traffic.vehicles import Stretch, Vehicles
 from genie_sim.worlds.traffic.view import TrafficView
@@ -29,7 +25,6 @@ from genie_sim.worlds.traffic.view import TrafficView
 if TYPE_CHECKING:
     from genie_sim.worlds.traffic.source import RecordedTraffic
 
-RANDOM_NAME = "traffic"  # names the random numbers
 SHORTEST_S = 1.0  # a vehicle that is there for less carries no cameras
 # Which classes such a file knows all of: what else a detector reports is not judged.
 KNOWN = (*VEHICLES, "train", "motorcycle", "bicycle")
@@ -44,16 +39,16 @@ class Traffic(Scene):
     """Vehicles as a scene for cameras. Its clock begins where the simulation does, and ends at
     ``end_s``.
 
-    ``digest`` is of the rows of the file that were read, the settings, the seed and the detector's
-    laws.
+    ``digest`` is of the rows of the file that were read, when the clock begins, how far a camera
+    looks, what the vehicles are, the seed and the detector's laws.
     """
 
-    name, origin = "traffic", SOMEWHERE
+    name, random_name, origin = "traffic", "traffic", SOMEWHERE
 
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
     ) -> None:
-        super().__init__(seed)
+        super().__init__(seed, settings.view_m)
         self.settings, self.path, self.report = settings, path, rows.report
         begin_s = rows.times_s.item(0)
         if settings.begin_ns is not None:
@@ -61,9 +56,10 @@ class Traffic(Scene):
         self.end_s = min(settings.duration_ns / NS_PER_S, rows.times_s.item(-1) - begin_s)
         self.vehicles = Vehicles(rows, begin_s, settings.types)
         self._content = _content(rows)
-        decisive = {name: value for name, value in asdict(settings).items() if name != "accept"}
-        text = json.dumps([self._content, decisive | {"fcd": ""}, seed, self.laws.digest])
-        self.digest = hashlib.sha256(text.encode()).hexdigest()
+        types = sorted(self.vehicles.types_by_name.items())
+        self._types = {name: asdict(kind) for name, kind in types}
+        decisive = [self._content, begin_s, self.view_m, self._types, seed, self.laws.digest]
+        self.digest = hashlib.sha256(json.dumps(decisive).encode()).hexdigest()
 
     @functools.cached_property
     def objects(self) -> ObjectColumns:
@@ -74,12 +70,12 @@ class Traffic(Scene):
             range(len(labels)),
             [True] * len(labels),
             laws=self.laws,
-            seed_key=seed_key(RANDOM_NAME, self.seed),
+            seed_key=self.key,
         )
 
     @functools.cached_property
     def visibility(self) -> TrafficView:
-        return TrafficView(self.vehicles, self.objects, self.settings.view_m)
+        return TrafficView(self.vehicles, self.objects, self.view_m)
 
     def warn(self) -> None:
         """Logs what was not read as it stands in the file."""
@@ -94,11 +90,6 @@ class Traffic(Scene):
     def knows(self, label: str) -> bool:
         return label in KNOWN or (label in PERSONS and any(self.vehicles.is_person))
 
-    def are_moving(self, visible: VisibleObjects, t_s: Array) -> Flags:
-        at_s = t_s[visible.pose]
-        motions = self.vehicles.at(self.vehicles.rows_at(visible.row, at_s), at_s)
-        return motions.speed_mps > MOVING_MPS
-
     def facts(self) -> Mapping[str, object]:
         # Names no detector, so that maps take the assumed laws: what was measured of this one in a
         # town, on other streets and among other traffic, is no measurement here.
@@ -110,7 +101,7 @@ class Traffic(Scene):
             "teleports": int(vehicles.jumps.sum()),
             "vehicles_that_teleport": int((vehicles.jumps > 0).sum()),
             "import": self.report.facts(),
-            "types": {name: asdict(kind) for name, kind in sorted(vehicles.types_by_name.items())},
+            "types": self._types,
         }
 
 
@@ -149,7 +140,7 @@ class TrafficDrives(SceneDrives):
 
     def __init__(self, traffic: Traffic) -> None:
         settings, vehicles = traffic.settings, traffic.vehicles
-        super().__init__(traffic, tolerance_m=settings.tolerance_m, range_m=settings.range_m)
+        super().__init__(traffic, settings)
         self.extent_m = vehicles.extent_m
         numbers = [number for number in range(len(vehicles)) if not vehicles.is_person[number]]
         self._ids = [vehicles.ids[number] for number in numbers]
@@ -196,8 +187,7 @@ class TrafficDrives(SceneDrives):
         return [
             name
             for name, vehicle in zip(self._names, ids, strict=True)
-            if equipped == 1.0
-            or stream(self.scene.seed, RANDOM_NAME, "equipped", vehicle).random() < equipped
+            if equipped == 1.0 or self.scene.random("equipped", vehicle).random() < equipped
         ]
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> SceneDrive:

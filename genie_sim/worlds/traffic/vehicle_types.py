@@ -49,10 +49,7 @@ def words_of(name: str) -> list[str]:
 
 def type_named(name: str) -> VehicleType | None:
     """What a type is by the words in its name; ``None`` where none says so."""
-    forms = (form for word in words_of(name) for form in (word, word.removesuffix("s")))
-    return next((TYPES[form] for form in forms if form in TYPES), None)
-
-
-def says_what_it_is(name: str) -> bool:
-    """Whether the name of a type does."""
-    return type_named(name) is not None or bool(CARS & {*words_of(name)})
+    words = words_of(name)
+    forms = (form for word in words for form in (word, word.removesuffix("s")))
+    car = USUAL if CARS & {*words} else None
+    return next((TYPES[form] for form in forms if form in TYPES), car)

@@ -18,19 +18,10 @@ from genie_sim.worlds.scene.frames import Motions
 from genie_sim.worlds.scene.objects import Flags
 from genie_sim.worlds.scene.view import near_pairs
 from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
-from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, says_what_it_is, type_named
+from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, type_named
 
 KEPT_STEPS = 256  # of so many steps it is kept who is where
 BESIDE_M = 10.0  # the map goes on beside its outermost vehicles; one street has an extent, too
-
-
-class _Outlines(NamedTuple):
-    """What each vehicle is and how large."""
-
-    labels: list[str]
-    lengths_m: Array
-    widths_m: Array
-    heights_m: Array
 
 
 def _types_by_name(
@@ -40,26 +31,13 @@ def _types_by_name(
     names = dict.fromkeys(
         name for name, is_person in zip(rows.types, rows.is_person, strict=True) if not is_person
     )
-    told = {"", *own_types, *filter(says_what_it_is, names)}
+    told = {"", *own_types, *filter(type_named, names)}
     counts = Counter(name for name in rows.types if name not in told)
     if counts:
         most = ", ".join(f"{short_repr(name)} ({n:,})" for name, n in counts.most_common(5))
         more = f" and {len(counts) - 5} more" if len(counts) > 5 else ""
         rows.report.warn(f"types taken for cars: {most}{more}; perception.types says what they are")
     return {name: own_types.get(name) or type_named(name) or USUAL for name in names}
-
-
-def _outlines(rows: VehicleRows, types: Mapping[str, VehicleType]) -> _Outlines:
-    """Of each vehicle, by its type, or of a person."""
-    kinds = list(zip(rows.types, rows.is_person, strict=True))
-    labels = ["person" if is_person else types[name].label for name, is_person in kinds]
-    sizes = [SIZES["person"] if is_person else types[name] for name, is_person in kinds]
-    return _Outlines(
-        labels,
-        lengths_m=np.array([size.length_m for size in sizes]),
-        widths_m=np.array([size.width_m for size in sizes]),
-        heights_m=np.array([SIZES[label].height_m for label in labels]),
-    )
 
 
 class _Links(NamedTuple):
@@ -116,10 +94,15 @@ class Vehicles:
         self.ids, self.is_person = rows.ids, rows.is_person
         self.times_s = rows.times_s - begin_s
         self.types_by_name = _types_by_name(rows, own_types)
-        outlines = _outlines(rows, self.types_by_name)
-        self.labels = outlines.labels
-        self.lengths_m, self.widths_m = outlines.lengths_m, outlines.widths_m
-        self.heights_m = outlines.heights_m
+        types = [
+            None if is_person else self.types_by_name[name]
+            for name, is_person in zip(rows.types, rows.is_person, strict=True)
+        ]
+        self.labels = [kind.label if kind else "person" for kind in types]
+        sizes = [kind or SIZES["person"] for kind in types]
+        self.lengths_m = np.array([size.length_m for size in sizes])
+        self.widths_m = np.array([size.width_m for size in sizes])
+        self.heights_m = np.array([SIZES[label].height_m for label in self.labels])
         order = np.lexsort((rows.step, rows.vehicle))
         self.vehicle: Ints = rows.vehicle[order]
         self._step: Ints = rows.step[order]
@@ -130,10 +113,7 @@ class Vehicles:
         self._north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
         way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
         links = _links(self.vehicle, self._step, way_m, np.diff(self.times_s[self._step]))
-        self._from_row, self._to_row = links.from_row, links.to_row
-        self._is_first = links.is_first
-        self._until_s = self.times_of(links.until_row)
-        self._longest_m = links.longest_m
+        self._links, self._until_s = links, self.times_of(links.until_row)
         self.jumps = np.bincount(self.vehicle[links.jumps], minlength=len(self.ids))
         self._in_order_of_steps: Ints = np.argsort(self._step, kind="stable")
         self._at_step = functools.lru_cache(KEPT_STEPS)(self._tree_of_step)
@@ -152,7 +132,7 @@ class Vehicles:
         """Where the vehicles of some rows (n,) are at times between these rows and the next (n,):
         on straight lines, and turning the shorter way.
         """
-        first, last = self._from_row[row], self._to_row[row]
+        first, last = self._links.from_row[row], self._links.to_row[row]
         begin_s = self.times_of(first)
         whole_s = self.times_of(last) - begin_s
         whole_s[whole_s == 0.0] = 1.0
@@ -175,16 +155,6 @@ class Vehicles:
         """The times of some rows."""
         return self.times_s[self._step[row]]
 
-    def rows_at(self, vehicle: Ints, t_s: Array) -> Ints:
-        """The rows of some vehicles (n,) that are there at some times (n,)."""
-        keys = vehicle * len(self.times_s) + self._steps_at(t_s)
-        return np.searchsorted(self._keys, keys)
-
-    @functools.cached_property
-    def _keys(self) -> Ints:
-        """A number of each row that grows with its vehicle, and with its step."""
-        return self.vehicle * len(self.times_s) + self._step
-
     def near(self, east_m: Array, north_m: Array, t_s: Array, radius_m: float) -> tuple[Ints, Ints]:
         """All pairs of a query (n,), a place at a time, and a vehicle that may be so near to it
         then, query by query: the query and the row. All that are so near are among them.
@@ -195,7 +165,7 @@ class Vehicles:
         for number in np.unique(step[step >= 0]).tolist():
             asked = np.flatnonzero(step == number)
             of_step, tree = self._at_step(number)
-            place, point = near_pairs(tree, places_m[asked], radius_m + self._longest_m)
+            place, point = near_pairs(tree, places_m[asked], radius_m + self._links.longest_m)
             queries.append(asked[place])
             rows.append(of_step[point])
         query, row = np.concatenate(queries), np.concatenate(rows)
@@ -220,7 +190,7 @@ class Vehicles:
         first.
         """
         rows = np.arange(*np.searchsorted(self.vehicle, (vehicle, vehicle + 1)))
-        breaks = np.flatnonzero(self._is_first[rows[1:]]) + 1
+        breaks = np.flatnonzero(self._links.is_first[rows[1:]]) + 1
         stretches = [Stretch(self, part, end_s) for part in np.split(rows, breaks)]
         return max(stretches, key=lambda stretch: stretch.end_s - stretch.begin_s)
 

@@ -1,10 +1,8 @@
 """What a camera among recorded traffic has in view: vehicles that no nearer vehicle hides."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from genie_sim.base.classes import class_of
+from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints, rows_of_spans
 from genie_sim.worlds.scene.frames import CAMERA_UP_M, Motions
@@ -46,7 +44,7 @@ class TrafficView:
         candidates = PlacedObjects(
             pose=pose,
             row=vehicles.vehicle[row],
-            number_offset=np.zeros(len(row), dtype=np.int64),
+            moving=motions.speed_mps > MOVING_MPS,
             east_m=motions.east_m,
             north_m=motions.north_m,
         )
@@ -109,21 +107,12 @@ class TrafficView:
         is_hidden[target[hides]] = True
         return is_hidden
 
-    def are_there(
-        self,
-        labels: Sequence[str],
-        east_m: Array,
-        north_m: Array,
-        *,
-        t_s: Array,
-        tolerance_m: float,
-    ) -> Flags:
-        vehicles = self._vehicles
-        query, row = vehicles.near(east_m, north_m, t_s, tolerance_m)
-        motions = vehicles.at(row, t_s[query])
-        dx, dy = motions.east_m - east_m[query], motions.north_m - north_m[query]
-        asked = np.array([class_of(label) for label in labels])
-        there = np.array([class_of(label) for label in vehicles.labels])[vehicles.vehicle[row]]
-        result = np.zeros(len(labels), dtype=bool)
-        result[query[(np.hypot(dx, dy) <= tolerance_m) & (asked[query] == there)]] = True
-        return result
+    def near(
+        self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
+    ) -> PlacedObjects:
+        """As ``scene.SceneVisibility``, whatever the class."""
+        place, row = self._vehicles.near(east_m, north_m, t_s, radius_m)
+        motions = self._vehicles.at(row, t_s[place])
+        moving = motions.speed_mps > MOVING_MPS
+        vehicle = self._vehicles.vehicle[row]
+        return PlacedObjects(place, vehicle, moving, motions.east_m, motions.north_m)

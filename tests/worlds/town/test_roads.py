@@ -184,7 +184,7 @@ def test_what_is_there_is_found_by_its_class(blocks, range_m):
         )
         for label, *place, at_ns in asked
     ]
-    found = town.visibility.are_there(labels, east_m, north_m, t_s=t_ns * 1e-9, tolerance_m=range_m)
+    found = town.are_there(labels, east_m, north_m, t_s=t_ns * 1e-9, tolerance_m=range_m)
     assert found.tolist() == expected
     assert 5 < sum(expected) < count
 
@@ -203,15 +203,6 @@ def test_one_truth_is_asked_about_all_cars():
     east_m, north_m, _ = np.array([item.location for item in items]).T
     assert truth.are_there(of_frames, labels, east_m, north_m).all()
     assert not truth.are_there(of_frames, labels, east_m, north_m + 1e5).any()
-
-
-def test_nobody_has_the_number_of_another(town):
-    for t_ns in (0, 100 * NS_PER_S, 3600 * NS_PER_S):
-        everything = truth_near(town, 450.0, 375.0, 1000.0, t_ns)
-        assert len({item.number for item in everything}) == len(everything)
-        assert sum(item.moving for item in everything) == pytest.approx(
-            sum(item.moving for item in truth_near(town, 450.0, 375.0, 1000.0, 0)), rel=0.01
-        )
 
 
 def test_cyclists_are_a_bicycle_and_a_person(town):

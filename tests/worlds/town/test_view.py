@@ -48,14 +48,14 @@ def test_in_view_is_what_no_house_hides(town):
         drive = town.drive(f"car{car}", 120 * NS_PER_S)
         for frame in drive.frames["02"][::20]:
             pose = frame.pose
-            visible = {item.number: item for item in frame.truth()}
+            visible = set(frame.truth())
             for item in truth_near(
                 town, pose.east_m, pose.north_m, RULES.view_m + 5, frame.stamp_ns
             ):
                 reach_m = min(RULES.view_m, REACHES_M[item.label])
                 range_m = math.dist(pose[:2], item.location[:2])
                 sight = pose[:2], item.location[:2]
-                if item.number in visible:
+                if item in visible:
                     assert _in_view(pose, item.location, -MARGIN_M)
                     assert range_m <= reach_m
                     assert _clear(*sight, RULES.street_half_m + MARGIN_M)

@@ -24,9 +24,7 @@ def _objects(town: Town):
 
 
 def truth_near(town: Town, east_m: float, north_m: float, range_m: float, t_ns: int):
-    """Everything that really is within a distance of a place at a time, seen or not, by number. Who
-    has come to the end of a street begins again as somebody else, with a number of its own.
-    """
+    """Everything that really is within a distance of a place at a time, seen or not."""
     items, (northbound, length_m, start_m, across_m, speed_mps) = _objects(town)
     gone_m = speed_mps * (t_ns * 1e-9)
     laps = np.floor((start_m + gone_m) / length_m) * (speed_mps != 0)
@@ -36,7 +34,5 @@ def truth_near(town: Town, east_m: float, north_m: float, range_m: float, t_ns: 
     truth = []
     for k in np.flatnonzero(np.hypot(*away_m) <= range_m).tolist():
         item, place = items[k], there_m[:, k].tolist()
-        number = item.number + int(laps[k]) * item.stream_size
-        moving, up_m = item.speed_mps != 0, MIDDLES_M[item.label]
-        truth.append(SceneObject(item.label, number, moving, *place, up_m))
-    return tuple(sorted(truth, key=lambda item: item.number))
+        truth.append(SceneObject(item.label, item.speed_mps != 0, *place, MIDDLES_M[item.label]))
+    return tuple(truth)

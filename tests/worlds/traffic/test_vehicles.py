@@ -29,7 +29,6 @@ def at(vehicles: Vehicles, vehicle: int, t_s: float):
     rows = rows[vehicles.vehicle[rows] == vehicle]
     if not len(rows):
         return None
-    assert rows == vehicles.rows_at(np.array([vehicle]), time)
     motions = vehicles.at(rows, time)
     heading_deg = math.degrees(math.atan2(motions.sin[0], motions.cos[0]))
     values = (motions.east_m[0], motions.north_m[0], heading_deg, motions.speed_mps[0])

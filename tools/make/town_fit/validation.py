@@ -33,6 +33,7 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
         seed_key=mix(seed),
     )
     each = np.arange(len(looks))
+    still = np.zeros(len(looks), dtype=bool)
     east_m, north_m = np.array([look.centre[:2] for look in looks]).T
     pictures = [
         mix(
@@ -47,7 +48,7 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
         for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned)
     )
     view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
-    candidates = PlacedObjects(each, each, each, east_m=east_m, north_m=north_m)
+    candidates = PlacedObjects(each, each, still, east_m=east_m, north_m=north_m)
     visible = in_view(view_poses, candidates, objects, MAX_VIEW_M)
     detected = SyntheticDetector(objects, laws).detect(visible, view_poses)
     for number in visible.pose.tolist():
