@@ -2,28 +2,22 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from genie_sim.base.contracts import whole
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
 from genie_sim.sim.bends import NO_BORDER, Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
-from genie_sim.sim.encoding import ImageCodec
+from genie_sim.sim.encoding import Coder, ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_model import Sender
 from genie_sim.sim.monitor import Part, Span, SpanLabel
-from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
+from genie_sim.sim.ros_graph import Dropped, Graph, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
 Arguments = tuple[Any, ...]
 OnMessage = Callable[[Message], None]
-
-
-class Target(Protocol):
-    """What takes messages at the far end of a link, such as a ``Graph``."""
-
-    def inject(self, topic: str, message: Message, sender: str) -> None: ...
 
 
 @dataclass(slots=True, eq=False)
@@ -249,7 +243,7 @@ class Bridge(Subscriber):
     ----------
     link : Link
         What carries the messages.
-    target : Target
+    target : Graph or Coder
         What takes them at the far end.
     topic : str
         The topic at the far end.
@@ -269,7 +263,7 @@ class Bridge(Subscriber):
     def __init__(
         self,
         link: Link,
-        target: Target,
+        target: Graph | Coder,
         *,
         topic: str,
         address: str,
