@@ -81,9 +81,7 @@ def test_one_axis_of_each_kind():
     drawn = {}
     for (name, axis), (column, values) in zip(axes.items(), levels.items(), strict=True):
         table = runs({column: values})
-        drawn[name] = SweepFigures(design({name: axis}), table, TITLES, "made up").along(
-            name, table
-        )
+        drawn[name] = SweepFigures(design({name: axis}), table, TITLES, "made up").along(name)
     outline.check("sweep along one axis", drawn)
 
 
@@ -103,7 +101,7 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
     )
     table = runs({"rule": ["ema", "noisy_or"], "view [m]": [12.0, 45.0, 88.0]}, seeds=1)
     drawn = dict(SweepFigures(load_design(Path("s.yaml")), table, TITLES, "made up").drawn())
-    assert {*drawn} == {"rule", "view"}
+    assert {name.partition("-")[0] for name in drawn} == {"rule", "view"}
     assert "averaged over" in str(drawn["rule"].get_suptitle())
     outline.check("sweep with samples", drawn)
 
@@ -140,7 +138,7 @@ def test_a_metric_without_a_value_in_one_run_is_drawn_all_the_same():
     assert figures.of("image_reuse").axes
 
 
-def test_in_a_column_each_value_of_the_second_axis_is_a_line():
+def test_each_value_of_the_second_axis_is_a_line():
     crossed = design({"rate": RATE, "rule": RULE})
     table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
     figure = SweepFigures(crossed, table, TITLES, "made up", width_in=3.5).of("image_reuse")
