@@ -205,8 +205,7 @@ def _finite(name: str, field: str, number: Any) -> Any:
 
 def rounded(metric: MetricValue) -> MetricValue:
     """A metric with its numbers as they are written down."""
-    return replace(
-        metric,
+    return metric._replace(
         value=_ten(metric.value),
         low=_ten(metric.low),
         high=_ten(metric.high),

@@ -4,7 +4,7 @@ seeds, with 95 % t intervals.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -90,7 +90,7 @@ def means_of(runs: Sequence[Run]) -> list[MetricValue]:
     """The numbers of runs that differ in nothing but the seed as one run's."""
     import pandas as pd
 
-    rows = [{**asdict(metric), "seed": run.seed} for run in runs for metric in run.measured]
+    rows = [{**metric._asdict(), "seed": run.seed} for run in runs for metric in run.measured]
     numbers = ("value", "range_low", "range_high")
     means = across_seeds(
         pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)), [], own=runs[0].words

@@ -206,9 +206,8 @@ def packed(value: Any) -> str:
 
 
 def _palette() -> str:
-    """The colours of parts of the time as classes ``part-0`` and so on."""
-    colours = [colour for _, colour in style.PARTS.values()]
-    return "".join(f".part-{i}{{fill:{colour}}}\n" for i, colour in enumerate(colours))
+    """The colours of parts of the time as classes: ``part-queueing``."""
+    return "".join(f".part-{name}{{fill:{colour}}}\n" for name, (_, colour) in style.PARTS.items())
 
 
 def _source(text: str) -> str:

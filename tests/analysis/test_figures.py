@@ -314,7 +314,7 @@ def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tabl
     assert drawn == {
         (titles[method], name, value) for (method, name), value in use.items() if name in names
     }
-    idle = [replace(one, value=0.0) for one in run.measured]
+    idle = [one._replace(value=0.0) for one in run.measured]
     assert "resources" not in figures.of_run(replace(run, measured=idle))
 
 

@@ -294,16 +294,16 @@ def test_a_car_costs_the_same_however_late_it_starts():
     together, apart = join(0), join(LATE_S)
     of_cars = {"car1.accelerator", "car2.accelerator", "car1->edge1", "car2->edge1"}
     of_cars |= {"edge1->car1", "edge1->car2", "car1.cpu"}
-    late = {one.row[:4]: one.value for one in apart.measured}
+    late = {one[:4]: one.value for one in apart.measured}
     compared = 0
     for one in together.measured:
         of_host = one.component in of_cars and one.method == "local"
         energy = one.metric.startswith("energy") and one.placement == "car"
         if of_host or (one.method == "local" and energy):
-            assert late[one.row[:4]] == pytest.approx(one.value, rel=1e-9), one
+            assert late[one[:4]] == pytest.approx(one.value, rel=1e-9), one
             compared += 1
         if one.metric == "utilization" and one.component.endswith("->edge1"):
-            assert late[one.row[:4]] == pytest.approx(one.value, rel=0.01), one
+            assert late[one[:4]] == pytest.approx(one.value, rel=0.01), one
     assert compared > 3
     busy = [
         metric.value

@@ -279,7 +279,7 @@ def test_what_waits_for_a_processor_keeps_its_own_way():
 class InTwos(Interceptor):
     """Answers two frames at once, the older first."""
 
-    name = "twos"
+    name = "car1/twos"
 
     def __init__(self) -> None:
         self.waiting: list[Any] = []
