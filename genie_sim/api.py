@@ -14,7 +14,8 @@ choices.
 
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -43,9 +44,8 @@ from genie_sim.scenario.yaml_input import inline
 
 if TYPE_CHECKING:
     from genie_sim.paper.reproduce import Reproduction
-    from genie_sim.study.design import Design
+    from genie_sim.study.study import Study
     from genie_sim.study.sweep import Sweep
-    from genie_sim.study.work import Workers
 
 Settings = Mapping[str, Any] | Sequence[str]
 
@@ -129,57 +129,40 @@ def run_seeds(
         Called with how many runs are done, how many there are, and how many failed.
     """
     from genie_sim.study.design import design_of
-
-    loaded = load_scenario(scenario, settings, methods=_names("methods", methods))
-    studied: Runs = _studied(
-        design_of(loaded, plain(seeds, "seeds")),
-        loaded.name,
-        out,
-        _output(report and out is not None, figures and out is not None),
-        jobs=jobs,
-        base=loaded,
-        label=label,
-        progress=progress,
-    )
-    return studied
-
-
-def _studied(
-    design: "Design",
-    where: str,
-    out: str | Path | None,
-    output: Output,
-    *,
-    jobs: int | None,
-    scheduler: str | None = None,
-    base: Scenario | None = None,
-    methods: Sequence[str] = (),
-    label: str = "",
-    shard: Sequence[int] = (1, 1),
-    progress: Progress | None = None,
-) -> Any:
-    """Runs a study; ``where`` it comes from begins errors. Raises ``UserError``."""
     from genie_sim.study.study import Study
 
     _check_jobs(jobs)
-    if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
-        raise UserError(f"shard: {short_repr(shard)}: expected i and n, with i from 1 to n")
+    loaded = load_scenario(scenario, settings, methods=_names("methods", methods))
+    design = design_of(loaded, plain(seeds, "seeds"))
+    output = _output(report and out is not None, figures and out is not None)
+    called: Any = {"label": results.checked_label(label), "reports": output.page}
+    with _folder(out) as folder:
+        study = Study.of(design, loaded.name, folder, base=loaded, **called)
+        runs: Runs = _studied(study, output, jobs=jobs, out=out, progress=progress)
+    return runs
+
+
+@contextmanager
+def _folder(out: str | Path | None) -> Iterator[Path]:
+    """Where a study goes; without ``out`` it is gone afterwards."""
     with tempfile.TemporaryDirectory() as scratch:
-        study = Study.of(
-            design,
-            where,
-            expanded(out or scratch),
-            progress if base is None else None,
-            base=base,
-            methods=methods,
-            label=results.checked_label(label),
-            reports=output.page,
-        )
-        scenarios = [run.scenario for run in study.plan.runs.values()]
-        workers = _workers(jobs, scheduler, scenarios)
-        study.run(workers, (shard[0], shard[1]), progress)
-        study.finish(output)
-        studied = kinds.load(study.folder)
+        yield expanded(out or scratch)
+
+
+def _studied(
+    study: "Study",
+    output: Output,
+    *,
+    jobs: int | None,
+    out: str | Path | None,
+    progress: Progress | None,
+    shard: Sequence[int] = (1, 1),
+) -> Any:
+    """What a study gives; without ``out`` in memory. Raises ``UserError``."""
+    scenarios = [run.scenario for run in study.plan.runs.values()]
+    study.run(_processes(jobs, scenarios), (shard[0], shard[1]), progress)
+    study.finish(output)
+    studied = kinds.load(study.folder)
     if out is not None:
         return studied
     if isinstance(studied, Runs):
@@ -241,7 +224,6 @@ def sweep(
     label: str = "",
     samples: int | None = None,
     jobs: int | None = None,
-    scheduler: str | None = None,
     shard: Sequence[int] = (1, 1),
     out: str | Path | None = None,
     progress: Progress | None = None,
@@ -274,8 +256,6 @@ def sweep(
         How many points are drawn where axes are random.
     jobs : int, optional
         Processes; by default one per core.
-    scheduler : str, optional
-        Many machines instead: the address of their Dask scheduler, ``tcp://host:8786``.
     shard : pair of int
         ``(i, n)``: only the i-th of n parts of the runs, for job arrays; ``UnfinishedError`` where
         other parts are missing.
@@ -286,7 +266,11 @@ def sweep(
         Called with how much is done, how much there is, and what is going on.
     """
     from genie_sim.study.design import fixed_settings, load_design, read_design, sweep_of
+    from genie_sim.study.study import Study
 
+    _check_jobs(jobs)
+    if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
+        raise UserError(f"shard: {short_repr(shard)}: expected i and n, with i from 1 to n")
     names = _names("methods", methods)
     fixed = (
         plain(dict(settings), "settings")
@@ -300,18 +284,11 @@ def sweep(
     else:
         given = sweep_of(str(scenario), plain(axes, "axes"), names, {"set": fixed, **more})
         design, where = read_design(given, "axes"), "axes"
-    swept: Sweep = _studied(
-        design,
-        where,
-        out,
-        Output(page=out is not None),
-        jobs=jobs,
-        scheduler=scheduler,
-        methods=names,
-        label=label,
-        shard=shard,
-        progress=progress,
-    )
+    called: Any = {"label": results.checked_label(label), "reports": out is not None}
+    with _folder(out) as folder:
+        study = Study.of(design, where, folder, progress, methods=names, **called)
+        output = Output(page=out is not None)
+        swept: Sweep = _studied(study, output, jobs=jobs, out=out, shard=shard, progress=progress)
     return swept
 
 
@@ -408,13 +385,12 @@ def _check_jobs(jobs: int | None) -> None:
         raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
 
 
-def _workers(jobs: int | None, scheduler: str | None, scenarios: Sequence[Scenario]) -> "Workers":
+def _processes(jobs: int | None, scenarios: Sequence[Scenario]) -> int:
     """So many processes, by default one a core. A class from a notebook or an interactive session
     is known in this process alone: where a scenario names one, everything runs here. Raises
     ``UserError`` where several processes are asked for all the same.
     """
     from genie_sim.base import parallel
-    from genie_sim.study.work import Workers
 
     script = getattr(sys.modules["__main__"], "__file__", None)
     if (script is None or not Path(script).is_file()) and any(
@@ -427,5 +403,5 @@ def _workers(jobs: int | None, scheduler: str | None, scenarios: Sequence[Scenar
                 f"jobs: {jobs} processes do not know a class of this notebook: leave jobs out, or"
                 " put the class into a file of its own"
             )
-        return Workers(1)
-    return Workers(jobs or parallel.workers_here(), scheduler)
+        return 1
+    return jobs or parallel.workers_here()

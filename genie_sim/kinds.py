@@ -1,9 +1,8 @@
 """The four kinds of results, as they are read from their folders."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from genie_sim.runs.folder import Compared
     from genie_sim.scenario.scenario import Scenario
 
 
@@ -34,7 +32,7 @@ class _OfRuns(Result):
         """
         import pandas as pd
 
-        return pd.DataFrame([asdict(metric) for metric in self._self.measured])
+        return pd.DataFrame(self._self.measured, columns=results.METRIC_FIELDS)
 
     @property
     def _self(self) -> "Run | Runs":
@@ -124,13 +122,18 @@ class Run(results.Run, _OfRuns):
         return pages.of_run(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
-        """A line for each file: ``identical``, ``equal``, ``drawn otherwise`` or ``DIFFERENT``.
-        Raises ``UserError``.
-        """
+        """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""
         from genie_sim.runs import folder as run_folder
 
-        compared = run_folder.rerun(folder_of(self), progress)
-        yield from _told(folder_of(self), compared)
+        if self.folder is None:
+            raise UserError("rerun: the result has no folder")
+        files = run_folder.rerun(self.folder, progress)
+        for name, how in files.items():
+            yield f"{name}: {how}"
+        if run_folder.DIFFERENT in files.values():
+            raise UserError(f"{self.folder}: the run does not reproduce its own result")
+        how = "byte for byte" if {*files.values()} == {run_folder.IDENTICAL} else "by contents"
+        yield f"{self.folder}: reproduced, {how}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -170,36 +173,19 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
             yield from run.rerun(progress)
 
 
-def _told(folder: Path, compared: "Compared") -> Iterator[str]:
-    for name, how in compared.files.items():
-        yield f"{name}: {how}"
-    if not compared.reproduces:
-        raise UserError(f"{folder}: the run does not reproduce its own result")
-    how = "byte for byte" if compared.is_identical else "by contents"
-    yield f"{folder}: reproduced, {how}"
-
-
-def folder_of(result: Result) -> Path:
-    """Where a result is. Raises ``UserError`` for one in memory."""
-    if result.folder is None:
-        raise UserError("rerun: the result has no folder")
-    return result.folder
-
-
-# Where the kind of a folder is that has this file; that of seeds is a sweep's without axes.
-KINDS = {
-    "verdicts.json": ("genie_sim.paper.reproduce", "Reproduction"),
-    seed_runs.SWEEP_FILE: ("genie_sim.study.sweep", "Sweep"),
-}
-
-
 def load(folder: Path) -> Result:
     """What a result folder holds. Raises ``UserError`` for any other folder."""
-    kind: type[Result] = Runs if seed_runs.is_seeds_folder(folder) else Run
-    for file, (module, name) in KINDS.items():
-        if kind is Run and (folder / file).is_file():
-            kind = getattr(import_module(module), name)
-    return kind.read(folder)
+    if seed_runs.is_seeds_folder(folder):  # a sweep without axes
+        return Runs.read(folder)
+    if (folder / "verdicts.json").is_file():
+        from genie_sim.paper.reproduce import Reproduction
+
+        return Reproduction.read(folder)
+    if (folder / seed_runs.SWEEP_FILE).is_file():
+        from genie_sim.study.sweep import Sweep
+
+        return Sweep.read(folder)
+    return Run.read(folder)
 
 
 def shown(

@@ -57,7 +57,7 @@ IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "kinds", "version"}
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "requests": "pooch", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "pooch": "fetch", "requests": "fetch"}
+FROM_EXTRAS = {"pooch": "fetch", "requests": "fetch"}
 LATE = (
     "pandas",
     "matplotlib",
@@ -68,7 +68,6 @@ LATE = (
     "scipy",
     "simpy",
     "joblib",
-    "distributed",
     "pykitti",
 )
 
@@ -228,7 +227,7 @@ def test_the_command_line_starts_without_heavy_libraries():
 
 @pytest.mark.process
 def test_a_scenario_is_read_without_heavy_libraries():
-    """The shell's completion and the real Genies read settings, too."""
+    """The real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")
 
 

@@ -8,13 +8,14 @@ stands for. Over several seeds it is ``tidy.across_seeds``.
 """
 
 import math
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import frame_metrics
-from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample
+from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample, of_method
 from genie_sim.analysis.registry import METRICS, MODULES, OWN, WORDS, check_words
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.base import plugins
@@ -67,7 +68,8 @@ def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
             raise UserError(f"metric {name!r}: {text}")
         if metric.kind in ROWS:
             try:
-                _number(name, metric, Table(ROWS[metric.kind]).columns(), intervals=False)
+                with warnings.catch_warnings(action="ignore"):
+                    _estimate(name, metric, Table(ROWS[metric.kind]).columns(), intervals=False)
             except UserError as error:
                 if not isinstance(error.__cause__, OF_NO_ROWS):
                     raise
@@ -146,12 +148,6 @@ def compute(
     return measured
 
 
-def of_method(tables: MethodTables, method: str) -> dict[str, Columns]:
-    """Those rows of each table that are of one method; no tables without any."""
-    of_one = {name: table.where(method=method) for name, table in tables.items() if len(table)}
-    return {name: table for name, table in of_one.items() if len(table)}
-
-
 def views(tables: MethodTables) -> Iterator[Given]:
     """What formulas are given, of the tables of one method."""
     for module in MODULES:
@@ -174,6 +170,14 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate |
     """A metric's number. Raises ``UserError`` for whatever goes wrong in one of the user's own."""
     if not is_own(name):
         return metric.of(rows, intervals)
+    number = _estimate(name, metric, rows, intervals)
+    if number is None:
+        return None
+    return Estimate(*(_finite(name, field, end) for field, end in number._asdict().items()))
+
+
+def _estimate(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate | None:
+    """What a metric of the user's own makes of rows. Raises ``UserError``."""
     try:
         with own_faults_told():
             number = metric.of(rows, intervals)
@@ -182,12 +186,10 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Estimate |
     except (Exception, SystemExit, GeneratorExit) as error:
         text = f"metric {name!r}: {type(error).__name__}: {short_repr(text_of(error))}"
         raise UserError(text) from error
-    if number is None:
-        return None
-    if not isinstance(number, Estimate):
+    if not isinstance(number, Estimate | None):
         text = f"its formula must return a Sample, Estimate or None, not {short_repr(number)}"
         raise UserError(f"metric {name!r}: {text}")
-    return Estimate(*(_finite(name, field, end) for field, end in number._asdict().items()))
+    return number
 
 
 def _finite(name: str, field: str, number: Any) -> Any:
@@ -203,8 +205,7 @@ def _finite(name: str, field: str, number: Any) -> Any:
 
 def rounded(metric: MetricValue) -> MetricValue:
     """A metric with its numbers as they are written down."""
-    return replace(
-        metric,
+    return metric._replace(
         value=_ten(metric.value),
         low=_ten(metric.low),
         high=_ten(metric.high),

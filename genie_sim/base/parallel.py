@@ -28,23 +28,6 @@ def workers_here() -> int:
     return int(joblib.cpu_count())
 
 
-def max_memory_bytes() -> int | None:
-    """The most memory that this process has had; ``None`` where the system does not tell.
-
-    Linux hands ``ru_maxrss`` on to a process from the one that started it; ``VmHWM`` is its own.
-    """
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):
-                return 1024 * int(line.split()[1])
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-
-
 @contextlib.contextmanager
 def limited_memory(more_bytes: int) -> Generator[None, None, None]:
     """Within it this process gets no more than so many bytes beside those that it has; on Linux

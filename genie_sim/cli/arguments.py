@@ -12,7 +12,6 @@ from click.core import ParameterSource
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
-from genie_sim.cli import completion
 
 if TYPE_CHECKING:
     from genie_sim.core.messages import Encoding
@@ -53,13 +52,11 @@ set_option = click.option(
     "set_",
     multiple=True,
     metavar="PATH=VALUE",
-    shell_complete=completion.setting_paths,
     help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
 )
 methods_option = click.option(
     "--methods",
     metavar="A,B,...",
-    shell_complete=completion.methods,
     help="Only these: methods of the scenario, of 'list methods', or module:Class.",
 )
 seeds_option = click.option(
@@ -70,7 +67,6 @@ seeds_option = click.option(
 metrics_option = click.option(
     "--metrics",
     metavar="A,B,...",
-    shell_complete=completion.metrics,
     help="Only the rows of these metrics, such as first_answer_p99 ('list metrics').",
 )
 label_option = click.option(
@@ -80,7 +76,6 @@ label_option = click.option(
 shown_methods_option = click.option(
     "--methods",
     metavar="A,B,...",
-    shell_complete=completion.methods,
     help="Only these, in this order; differences are from the first.",
 )
 labels_option = click.option(
@@ -99,17 +94,12 @@ results_argument = click.argument(
 table_format_option = click.option(
     "--format",
     default="markdown",
-    shell_complete=completion.fixed("markdown", "csv", "latex"),
     help="Of the printed table: markdown, latex, or csv (all digits).",
 )
 
 # of commands that spread runs over processes or machines
 jobs_option = click.option(
     "--jobs", type=COUNT, help="Processes on this machine; default: one a core."
-)
-scheduler_option = click.option(
-    "--scheduler",
-    help="Many machines instead: address of their Dask scheduler, tcp://host:8786.",
 )
 
 accept_option = click.option(  # of every command that reads files of others

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.cli import arguments, completion
+from genie_sim.cli import arguments
 from genie_sim.cli.arguments import (
     PATH,
     labels_option,
@@ -21,7 +21,6 @@ from genie_sim.cli.arguments import (
 @click.option(
     "--only",
     metavar="NAME",
-    shell_complete=completion.figures,
     help="Draw this one alone: a figure, such as latency_cdf, or a metric of 'list metrics', of a"
     " sweep along its axes. The results need not have seen the same frames.",
 )
@@ -30,13 +29,11 @@ from genie_sim.cli.arguments import (
 @click.option(
     "--format",
     metavar="A,B,...",
-    shell_complete=completion.fixed("svg", "png", "pdf"),
     help="svg, png, pdf, or several; default: svg, or as --out ends.",
 )
 @click.option(
     "--width",
     metavar="NAME|INCHES",
-    shell_complete=completion.widths,
     help="Of a printed 'column' (252 pt) or 'page' (516 pt) of IEEEtran, or 'acm-column' (3.33 in)"
     " or 'acm-page' (7 in), or in inches; default: what fits each.",
 )

@@ -7,7 +7,6 @@ import click
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
-from genie_sim.cli import completion
 from genie_sim.cli.arguments import PATH
 from genie_sim.cli.terminal import ProgressBar
 
@@ -16,7 +15,6 @@ from genie_sim.cli.terminal import ProgressBar
 @click.argument(
     "what",
     metavar="{model|drive}",
-    shell_complete=completion.fixed("model", "drive"),
     help="What is fetched.",
 )
 @click.argument("name", help="Such as yolox-nano, or 2011_09_26_drive_0005.")

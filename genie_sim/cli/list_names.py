@@ -5,14 +5,13 @@ import sys
 import click
 
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.cli import completion, terminal
+from genie_sim.cli import terminal
 
 
 @click.command("list")
 @click.argument(
     "what",
     required=False,
-    shell_complete=completion.kinds,
     help="scenarios, devices, links, ...; without it: the kinds, and how many of each there are.",
 )
 def list_(what: str | None) -> None:

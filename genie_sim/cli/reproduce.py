@@ -23,6 +23,7 @@ def reproduce(*, quick: bool, seeds: int | None, jobs: int | None, out: Path) ->
     """
     from genie_sim import api
     from genie_sim.paper import printed
+    from genie_sim.report import template
 
     with (
         ProgressBar(unit="runs") as progress,
@@ -31,4 +32,4 @@ def reproduce(*, quick: bool, seeds: int | None, jobs: int | None, out: Path) ->
         result = api.reproduce(out, quick=quick, seeds=seeds, jobs=jobs, progress=progress)
     click.echo(printed.text(result.rows, terminal.width()))
     click.echo(f"Results: {out}\nFigures: {out / 'figures'}")
-    click.echo(f"Report:  {out / terminal.PAGE}")
+    click.echo(f"Report:  {out / template.NAME}")

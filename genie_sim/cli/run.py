@@ -9,7 +9,7 @@ import click
 from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import allow_own_code
 from genie_sim.base.text import one_line
-from genie_sim.cli import arguments, completion, terminal
+from genie_sim.cli import arguments, terminal
 from genie_sim.cli.arguments import (
     COUNT,
     PATH,
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 @click.argument(
     "scenario",
     help="A scenario file, or the name of one that comes with genie-sim.",
-    shell_complete=completion.scenarios,
 )
 @set_option
 @click.option(
@@ -135,6 +134,7 @@ def print_results(
         The metrics that are printed, none for all; by default ``screen.text`` chooses.
     """
     from genie_sim.analysis import screen
+    from genie_sim.report import template
 
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
@@ -151,4 +151,4 @@ def print_results(
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
     click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
     if page:
-        click.echo(f"Report:  {folder / terminal.PAGE}")
+        click.echo(f"Report:  {folder / template.NAME}")

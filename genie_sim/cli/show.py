@@ -6,7 +6,6 @@ import click
 
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.paths import read_text
-from genie_sim.cli import completion
 from genie_sim.cli.arguments import refuse
 
 
@@ -14,7 +13,6 @@ from genie_sim.cli.arguments import refuse
 @click.argument(
     "name",
     help="Of a scenario, sweep or device profile; see 'genie-sim list'.",
-    shell_complete=completion.files_by_name,
 )
 @click.option(
     "--kind",

@@ -8,13 +8,12 @@ import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import allow_own_code
-from genie_sim.cli import arguments, completion, terminal
+from genie_sim.cli import arguments, terminal
 from genie_sim.cli.arguments import (
     PATH,
     jobs_option,
     label_option,
     methods_option,
-    scheduler_option,
     seeds_option,
     set_option,
 )
@@ -27,14 +26,12 @@ from genie_sim.cli.terminal import ProgressBar
     "what",
     metavar="SWEEP|SCENARIO",
     help="A sweep file or, with --axis, a scenario; or the name of one that comes with genie-sim.",
-    shell_complete=completion.sweeps,
 )
 @click.option(
     "--axis",
     "axes",
     multiple=True,
     metavar="PATH=A,B,...",
-    shell_complete=completion.setting_paths,
     help="Vary a field of a scenario, such as fleet.cars=10,20. Repeatable.",
 )
 @set_option
@@ -44,7 +41,6 @@ from genie_sim.cli.terminal import ProgressBar
     "--out", type=PATH, default="results", help="The folder that gets the sweep's folder."
 )
 @jobs_option
-@scheduler_option
 @click.option(
     "--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays."
 )
@@ -58,7 +54,6 @@ def sweep(
     seeds: str | None,
     out: Path,
     jobs: int | None,
-    scheduler: str | None,
     shard: str,
     label: str,
 ) -> None:
@@ -69,8 +64,6 @@ def sweep(
     genie-sim sweep fleet_30 --axis fleet.cars=10,20,40 --axis fleet.link=wifi,lte --seeds 3
     """
     allow_own_code()
-    if scheduler is not None:
-        arguments.refuse("with --scheduler", "jobs")
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
     from genie_sim import api
@@ -88,7 +81,6 @@ def sweep(
                 methods=names,
                 label=checked_label(label, "--label"),
                 jobs=jobs,
-                scheduler=scheduler,
                 shard=part,
                 out=out,
                 progress=progress,

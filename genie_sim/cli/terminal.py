@@ -25,7 +25,6 @@ from genie_sim.base.plugins import own_faults_told
 if TYPE_CHECKING:
     from genie_sim.base.import_report import ImportReport
 
-PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
 SHOW_EVERY_S = 0.2  # at least, between two states of progress on a terminal
 LINE_EVERY_S = 10  # and between its lines where there is none
@@ -49,9 +48,8 @@ def listing(rows: Iterable[tuple[str, str]], columns: int | None) -> Iterator[st
 
 
 class Commands(click.Group):
-    """The commands, under one roof: a misspelt one is answered with the nearest, one that was
-    removed, or an option, with what to write instead; Ctrl-C or SIGTERM ends any with one line and
-    status 130, and a reader that has gone away ends it quietly.
+    """The commands, under one roof: a misspelt one is answered with the nearest; Ctrl-C or SIGTERM
+    ends any with one line and status 130, and a reader that has gone away ends it quietly.
     """
 
     add_on_group = ""  # the group of entry points through which packages add commands
@@ -156,7 +154,7 @@ class ProgressBar:
     """How far a command is, on stderr: on a terminal one line that is written over, elsewhere a
     line with each tenth that is done, but none within ``LINE_EVERY_S`` of the last; nothing where
     the environment has ``GENIE_SIM_PROGRESS=off``. Called with how much is done, how much there is,
-    and what is going on. ``unit`` says of what: of seconds, one digit is told.
+    and what is going on; ``unit`` says of what.
     """
 
     def __init__(self, unit: str) -> None:
@@ -169,7 +167,7 @@ class ProgressBar:
         return self
 
     def __call__(self, done: float, total: float, what: str = "") -> None:
-        number = ",.1f" if self._unit.startswith("s") else ","
+        number = ",.1f" if isinstance(total, float) else ","
         text = f"{done:{number}} of {total:{number}} {self._unit}".strip()
         text = f"{text}, {what}" if what else text
         tenths = int(10 * done / total) if total else 0

@@ -62,11 +62,6 @@ class Evidence:
         sums = np.where(defined, table, 0.0).sum(axis=0)
         return np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
 
-    def numbers_of(self, scenario: str) -> list[Number]:
-        """The numbers that any run of a scenario has, sorted."""
-        place = (BASE, scenario)
-        return sorted(Number(*key[2:]) for key in self._values if key[:2] == place)
-
 
 class Effect(NamedTuple):
     """Something that is claimed to be positive, over seeds, and the ``value`` that it changes."""

@@ -1,4 +1,4 @@
-"""The page of an evaluation: verdicts with their evidence, the paper's figures, and all numbers."""
+"""The page of an evaluation: verdicts with their evidence, and the paper's figures."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis.registry import METRICS, component_title
-from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import has_interval
 from genie_sim.paper import claims, printed
-from genie_sim.paper.checks import ALL, CASE
+from genie_sim.paper.checks import ALL
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
 from genie_sim.record import provenance
@@ -68,9 +68,8 @@ def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = 
                     "How accurate the answers are",
                     [template.note(printed.ABOUT_ACCURACY), template.table(accuracy(evidence))],
                 ),
-                Section("All numbers", [template.table(_means(evidence), filtered=True)], True),
             ],
-            notes=[*printed.notes(rows), *about["edited"]],
+            notes=printed.notes(rows),
             origin="numbers.parquet. Versions and digests are in run.json beside this page, the "
             "verdicts also in verdicts.md.",
         ).text()
@@ -134,16 +133,3 @@ def _with_interval(values: np.ndarray) -> str:
     if not has_interval(len(values)):
         return f"{mean:.3g}"
     return f"{mean:.3g} ({low:.3g} to {high:.3g})"
-
-
-def _means(evidence: Evidence) -> ResultTable:
-    """Every number of the scenarios as they are: its mean and its 95 % interval."""
-    rows = []
-    for scenario in (*ALL, CASE):
-        for number in evidence.numbers_of(scenario):
-            values = evidence.of(scenario, number)
-            if not np.isnan(values).any():
-                mean, low, high = interval(values)
-                ends = (low, high) if has_interval(len(values)) else (None, None)
-                rows.append(Row(scenario, [Cell(str(number)), Cell(mean, *ends)]))
-    return ResultTable(["number", "mean"], rows, corner="scenario")

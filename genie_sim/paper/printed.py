@@ -8,7 +8,6 @@ from typing import Any
 from genie_sim.analysis import renderers
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import has_interval
-from genie_sim.base.errors import UserError
 from genie_sim.paper import table1
 from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences, total
 from genie_sim.record import provenance
@@ -129,13 +128,6 @@ def notes(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def table(rows: Sequence[Row], format: str) -> str:
-    """The table in ``markdown``. Raises ``UserError`` for another format."""
-    if format == "markdown":
-        return f"{in_markdown(rows)}\n"
-    raise UserError("format: an evaluation has markdown and csv")
-
-
 def text(rows: Sequence[Row], width: int) -> str:
     """The table for a terminal of ``width`` columns."""
     return "\n".join(_text_lines(rows, width))
@@ -169,9 +161,9 @@ def html(rows: Sequence[Row]) -> str:
     return renderers.html(table)
 
 
-def document(rows: Sequence[Row], accuracy: ResultTable, edited: Sequence[str]) -> str:
+def document(rows: Sequence[Row], accuracy: ResultTable) -> str:
     """The whole account beside the results: the table, each claim's test, Table I, accuracy."""
-    parts = ["# What of the paper holds here", "", *(f"{line}\n" for line in edited)]
+    parts = ["# What of the paper holds here", ""]
     parts += [in_markdown(rows), "", "## Tests", ""]
     parts += [f"- **{row['id']}** ({row['where']}; {row['kind']}): {row['test']}" for row in rows]
     kinds = "; ".join(f"*{kind}*: {meaning}" for kind, meaning in KINDS.items())

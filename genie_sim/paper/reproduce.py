@@ -57,7 +57,7 @@ class Reproduction(Suggesting, Result):
     curves : mapping
         The points that figures draw.
     about : mapping
-        How it came about: seeds, edited set-ups, and the versions of sources and packages.
+        How it came about: seeds, and the versions of sources and packages.
     folder : Path or None
         Where it is; ``None`` for one in memory.
     """
@@ -128,7 +128,9 @@ class Reproduction(Suggesting, Result):
             return renderers.csv_of_table(table)
         if metrics:
             raise UserError("metrics: the table of an evaluation is of claims; format csv has them")
-        return printed.table(self.rows, format)
+        if format != "markdown":
+            raise UserError("format: an evaluation has markdown and csv")
+        return f"{printed.in_markdown(self.rows)}\n"
 
     def page(self) -> str:
         """See ``Result``."""
@@ -206,9 +208,6 @@ def reproduce(
         folders.check_writable(out.parent)
         folders.check_replaceable(out)
         check_kept(out, seed_numbers)
-    edited = sources.edited_set_ups()
-    for line in edited:
-        log.warning("%s", line)
     planned = runs.planned(seed_numbers)
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
@@ -217,7 +216,6 @@ def reproduce(
         "format": provenance.RESULT_FORMAT,
         "quick": quick,
         "seeds": list(seed_numbers),
-        "edited": edited,
         "sources": sources.digests(),
         # the sources say which code it was; a commit is lost where it is rewritten
         **{name: version for name, version in provenance.environment().items() if name != "commit"},
@@ -270,7 +268,7 @@ def show(folder: Path, evaluation: Reproduction) -> None:
     with folders.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(evaluation.numbers))
-            document = printed.document(evaluation.rows, accuracy, evaluation.about["edited"])
+            document = printed.document(evaluation.rows, accuracy)
             folders.write_summary(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             drawn_figures = evaluation.figures()

@@ -24,7 +24,7 @@ from genie_sim.record import provenance
 from genie_sim.record.results import MetricValue
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.study.work import Parts, PointRun, Workers
+from genie_sim.study.work import Parts, PointRun
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +107,7 @@ def simulate(
 
     parts = Parts(store)
     incomplete = [run.run_id for run in runs if not run.is_kept(store)]
-    parts.run(runs, Workers(workers), progress, incomplete)
+    parts.run(runs, workers, progress, incomplete)
     about = pd.DataFrame(
         [(run.run_id, run.variant, run.scenario.name, run.scenario.seed) for run in runs],
         columns=["run_id", "variant", "scenario", "seed"],

@@ -4,7 +4,7 @@ paper's.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ from genie_sim.base.paths import sha256_of
 from genie_sim.base.settings import plain_data
 from genie_sim.paper.checks import ALL, CASE
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.version import PACKAGE_FOLDER
 
 SET_UPS = (*ALL, CASE)
@@ -22,12 +21,6 @@ HERE = Path(__file__).parent
 ASSUMPTIONS = HERE / "assumptions.yaml"
 # what says what is run and tested
 INPUTS = (ASSUMPTIONS, HERE / "claims.yaml", HERE / "table1.yaml")
-# Rooms whose code decides numbers; the others show them, or bring them in and out.
-ROOMS = (
-    *("base", "core", "sim", "methods", "faults", "data", "worlds", "scenario"),
-    *("record", "judge", "analysis", "runs"),
-)
-MEASURING = ("numbers.py", "curves.py", "watch.py", "runs.py")  # in this room
 NO_SET_UP = ("name", "description", "seed", "methods", "record")  # what any run may choose
 
 
@@ -36,9 +29,8 @@ def digests() -> dict[str, str]:
     the packages.
     """
     traces = files.find(files.TRACE, TRACE).parent.glob(f"{TRACE}*.parquet")
-    package = [path for room in ROOMS for path in (PACKAGE_FOLDER / room).rglob("*.py")]
     paths_by_kind = {
-        "package": [*package, *(HERE / name for name in MEASURING)],
+        "package": PACKAGE_FOLDER.rglob("*.py"),
         "scenarios": [files.find(files.SCENARIO, name) for name in SET_UPS],
         "device_profiles": files.available(files.DEVICE).values(),
         "traces": traces,
@@ -50,27 +42,6 @@ def _digest(paths: Iterable[Path]) -> str:
     """Of files with their names, whatever their order."""
     file_digests = sorted((path.name, sha256_of(path)) for path in paths)
     return hashlib.sha256(json.dumps(file_digests).encode()).hexdigest()
-
-
-def edited_set_ups() -> list[str]:
-    """A line for each scenario that is no longer what the paper's evaluation declares. Raises
-    ``UserError``.
-    """
-    declared: dict[str, str] = read_mapping(ASSUMPTIONS)["evaluation"]["scenarios"]
-    return [
-        f"{path}: edited, no longer the paper's set-up; the numbers are those of the edited one"
-        for name, path, digest in set_ups()
-        if declared[name] != digest
-    ]
-
-
-def set_ups() -> Iterator[tuple[str, Path, str]]:
-    """Each set-up's name, its file, and a digest of what it sets; comments do not count."""
-    for name in SET_UPS:
-        path = files.find(files.SCENARIO, name)
-        content = {key: value for key, value in read_mapping(path).items() if key != "description"}
-        text = json.dumps(content, sort_keys=True, default=str)
-        yield name, path, hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def changed_setting(scenario: Mapping[str, Any]) -> str | None:

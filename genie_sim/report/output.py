@@ -60,8 +60,8 @@ class Output:
 
 
 DEFAULT_OUTPUT = Output()
-DRAWN = (  # what the commands ``report`` and ``figures`` may have drawn otherwise since
+SHOWN = (  # the names of all that it may write
+    "summary.md",
     "report.html",
     *(f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")),
 )
-SHOWN = ("summary.md", *DRAWN)  # the names of all that it may write

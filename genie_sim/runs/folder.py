@@ -3,10 +3,10 @@
 import logging
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,13 +19,12 @@ from genie_sim.record.columns import Text
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
     FILES,
-    METRIC_FIELDS,
     MethodInfo,
     Run,
     checked_label,
 )
 from genie_sim.record.tables import read as read_columns
-from genie_sim.report.output import DEFAULT_OUTPUT, DRAWN, SHOWN, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.profiles import DeviceProfile
@@ -35,7 +34,6 @@ from genie_sim.scenario.yaml_input import parse
 
 log = logging.getLogger(__name__)
 IDENTICAL, EQUAL, DIFFERENT = "identical", "equal", "DIFFERENT"  # bytes, contents, neither
-OTHERWISE = "drawn otherwise"  # as the commands ``report`` and ``figures`` were told to
 
 
 def run_to_folder(
@@ -110,7 +108,7 @@ def simulate_into(
         table.write(folder / f"{name}.parquet")
     run = finished(prepared, run_id, tables, label)
     wall_time_s = round(time.perf_counter() - began_s, 3)
-    metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
+    metrics = [metric._asdict() for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
     provenance.write_text(folder / "scenario.resolved.yaml", run.yaml)
     about = {
@@ -163,94 +161,43 @@ def scenario_of(facts: Mapping[str, Any], where: str) -> Scenario:
     return read_scenario(facts["scenario"], where=where, profiles=profiles)
 
 
-class Compared(NamedTuple):
-    """A result that was computed again: ``versions`` that are not those of the first time, a line
-    each, and how each file, by its name, compares.
-    """
-
-    versions: Sequence[str]
-    files: Mapping[str, str]
-
-    @property
-    def is_identical(self) -> bool:
-        """Whether all bytes are the same."""
-        return {*self.files.values()} == {IDENTICAL}
-
-    @property
-    def reproduces(self) -> bool:
-        """Whether all contents are equal. What people look at shows versions, too: it may differ
-        where these do.
-        """
-        return all(
-            how != DIFFERENT or (self.versions and name in SHOWN)
-            for name, how in self.files.items()
-        )
-
-
-def rerun(folder: Path, progress: Progress | None = None) -> Compared:
-    """Runs a result folder's scenario again, with the device profiles it was made with, and
-    compares each file that a run writes with it, of page and figures those that are there.
-    ``run.json`` holds the wall time and is not compared.
+def rerun(folder: Path, progress: Progress | None = None) -> dict[str, str]:
+    """Runs a result folder's scenario again, with the device profiles it was made with: how each of
+    its tables, its metrics and its scenario compare. ``run.json`` holds the wall time, and what
+    people look at shows the versions: neither is compared.
 
     Raises ``UserError``, also for files that were changed since.
     """
     made = provenance.read_run_json(folder)
-    where = str(folder / "run.json")
-    versions = provenance.other_versions(made)
-    for line in versions:
+    for line in provenance.other_versions(made):
         log.warning("%s: %s", folder, line)
-    from genie_sim.report import template
-
-    prepared = prepare(scenario_of(made["facts"], where), progress)
-    for key, now in prepared.facts.items():
-        before = made["facts"].get(key)
+    prepared = prepare(scenario_of(made["facts"], str(folder / "run.json")), progress)
+    for key in {**made["facts"], **prepared.facts}:
+        before, now = made["facts"].get(key), prepared.facts.get(key)
         if now != before:
             raise UserError(f"{folder}: {_difference(key, before, now)}")
-    present = [name for name in FILES if (folder / name).exists()]
-    provenance.check_unchanged(folder, made, present)
+    provenance.check_unchanged(folder, made, FILES)
     with tempfile.TemporaryDirectory() as temporary:
-        drawn = [name for name in DRAWN if (folder / name).is_file()]
-        formats = sorted({Path(name).suffix[1:] for name in drawn if name != template.NAME})
-        label = checked_label(made.get("label", ""), f"{where}: label")
-        run = simulate_into(
-            Path(temporary), prepared, made["run_id"], progress=progress, label=label
-        )
-        Output(template.NAME in drawn, formats).write(run, Path(temporary))
-        again = {
-            path.relative_to(temporary).as_posix(): path
-            for path in sorted(Path(temporary).rglob("*"))
-            if path.is_file() and path.name != "run.json"
-        }
-        files = {
-            name: _compared(folder, name, path)
-            for name, path in again.items()
-            if name in drawn or name not in DRAWN
-        }
-    return Compared(versions, files)
+        simulate_into(Path(temporary), prepared, made["run_id"], progress=progress)
+        return {name: _compared(folder / name, Path(temporary, name)) for name in FILES}
 
 
-def _compared(folder: Path, name: str, path: Path) -> str:
-    """How the file at ``path`` compares with the one of this name in the folder."""
-    before = provenance.contained(folder, name)
-    if not before.is_file():
-        return DIFFERENT
+def _compared(before: Path, path: Path) -> str:
+    """How a file at ``path`` compares with the one ``before``."""
     if sha256_of(before) == sha256_of(path):
         return IDENTICAL
-    if name in DRAWN:
-        return OTHERWISE
     if path.suffix == ".parquet":
         schema = SCHEMAS[path.stem]
         rows, again_rows = read_columns(before, schema), read_columns(path, schema, trusted=True)
         is_equal = len(rows) == len(again_rows) and all(
             _equal(rows[column.name], again_rows[column.name]) for column in schema.columns
         )
-        return EQUAL if is_equal else DIFFERENT
-    if path.suffix == ".json":
-        return EQUAL if provenance.read_json(before) == provenance.read_json(path) else DIFFERENT
-    if path.suffix == ".yaml":
+    elif path.suffix == ".json":
+        is_equal = provenance.read_json(before) == provenance.read_json(path)
+    else:
         first, second = (parse(read_text(file), str(file)) for file in (before, path))
-        return EQUAL if first == second else DIFFERENT
-    return DIFFERENT
+        is_equal = first == second
+    return EQUAL if is_equal else DIFFERENT
 
 
 def _equal(first: Any, second: Any) -> bool:

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
 from genie_sim.judge.agreement import Agreement
@@ -168,9 +167,7 @@ def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:
 
 
 def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
-    """Returns what reports the simulated time of one method, the frames simulated per second, and
-    the memory of its process.
-    """
+    """Returns what reports the simulated time of one method, and the frames simulated a second."""
     began_s = time.perf_counter()
     text, text_until_s = "", began_s
 
@@ -179,11 +176,7 @@ def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
         time_s = time.perf_counter()
         if time_s >= text_until_s:
             rate = log.published_frames / max(time_s - began_s, 1e-9)
-            words = [log.method, f"{rate:,.0f} frames/s"]
-            memory_bytes = max_memory_bytes()
-            if memory_bytes is not None:
-                words.append(f"{memory_bytes / 10**6:,.0f} MB")
-            text, text_until_s = ", ".join(words), time_s + TEXT_S
+            text, text_until_s = f"{log.method}, {rate:,.0f} frames/s", time_s + TEXT_S
         progress(now_ns / NS_PER_S, end_ns / NS_PER_S, text)
 
     return report

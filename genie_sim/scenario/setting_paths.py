@@ -1,7 +1,6 @@
-"""The paths of all settings of a scenario, as ``--set`` takes them, for completion and hints."""
+"""The paths of all settings of a scenario, as ``--set`` takes them, for hints."""
 
 from collections.abc import Callable, Iterator
-from functools import cache
 from typing import Any
 
 from genie_sim.base.plugins import Choice
@@ -11,20 +10,13 @@ from genie_sim.base.settings import Kind, PlugIn, is_settings_class, settings_of
 MAX_HINTS = 3
 
 
-@cache
-def setting_paths(cls: type) -> tuple[str, ...]:
-    """Every path of a settings class, such as ``Scenario``, once; of lists the first entry's:
-    ``cars[0].device``.
-    """
-    return tuple(dict.fromkeys(_below(Kind.of(cls), "", ())))
-
-
 def hint(cls: type, path: str) -> str:
-    """What the unknown field at ``path`` may be: settings of that name at other places; empty where
-    there are none.
+    """What the unknown field at ``path`` of a settings class may be: settings of that name at other
+    places, of lists in the first entry, such as ``cars[0].device``; empty where there are none.
     """
     word = path.rpartition(".")[2]
-    same = [other for other in setting_paths(cls) if other.rpartition(".")[2] == word]
+    paths = dict.fromkeys(_below(Kind.of(cls), "", ()))
+    same = [other for other in paths if other.rpartition(".")[2] == word]
     texts = [repr(other) for other in sorted(same, key=len)[:MAX_HINTS]]
     return f"unknown field; did you mean {' or '.join(texts)}?" if same else ""
 

@@ -11,7 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
@@ -103,8 +103,6 @@ class NumberRange:
     """The largest, in the same unit."""
     scale: Literal["linear", "log"] = "linear"
     """Whether equal steps are equal differences or equal ratios."""
-    whole: bool = False
-    """Whether the numbers are whole."""
 
     def __post_init__(self) -> None:
         if self.low.unit != self.high.unit:
@@ -114,8 +112,6 @@ class NumberRange:
             raise SettingError("to", "must be more than 'from'")
         if self.scale == "log" and self.low.number <= 0:
             raise SettingError("from", "must be more than zero on a logarithmic scale")
-        if self.whole and not (self.low.number.is_integer() and self.high.number.is_integer()):
-            raise SettingError("whole", "needs whole numbers in 'from' and 'to'")
 
     @property
     def unit(self) -> str:
@@ -123,11 +119,9 @@ class NumberRange:
         return self.low.unit
 
     def at(self, share: float) -> float:
-        """The value at a share of the way, to six digits; whole numbers have equal shares of it."""
-        low, high = self.low.number, self.high.number + self.whole
+        """The value at a share of the way, to six digits."""
+        low, high = self.low.number, self.high.number
         value = low * (high / low) ** share if self.scale == "log" else low + (high - low) * share
-        if self.whole:
-            return float(min(int(value), self.high.number))
         return float(f"{value:.6g}")
 
 
@@ -140,9 +134,7 @@ class NumberGrid(NumberRange):
 
     def values(self) -> list[float]:
         """Evenly spaced, rising."""
-        exact = replace(self, whole=False)
-        values = [exact.at(index / (self.points - 1)) for index in range(self.points)]
-        return [float(round(value)) for value in values] if self.whole else values
+        return [self.at(index / (self.points - 1)) for index in range(self.points)]
 
 
 Cases = dict[str, dict[str, Any]]  # settings of each case, by its name
@@ -241,8 +233,7 @@ class Axis:
     def numeric(self, span: NumberRange, value: float) -> tuple[Level, dict[str, Any]]:
         """A number of a span, and the settings that follow from it."""
         number = int(value) if value.is_integer() else value
-        text = str(number) if span.whole else f"{number:g}"
-        return value, dict.fromkeys(self.paths, f"{text} {span.unit}" if span.unit else number)
+        return value, dict.fromkeys(self.paths, f"{number:g} {span.unit}" if span.unit else number)
 
     def _quantities(self) -> list[Amount] | None:
         """A list's numbers, all of one unit; None for a list of other things."""

@@ -14,7 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import NotebookFigure, character_in, finish, in_style, is_narrow
+from genie_sim.analysis.drawing import (
+    NotebookFigure,
+    character_in,
+    finish,
+    in_style,
+    is_narrow,
+    logarithmic_x,
+)
 from genie_sim.analysis.metric import HEADLINE, SHORT, Metric
 from genie_sim.analysis.registry import (
     Words,
@@ -23,17 +30,16 @@ from genie_sim.analysis.registry import (
     shown,
     spans_much,
 )
-from genie_sim.analysis.statistics import has_interval, thinned
+from genie_sim.analysis.statistics import has_interval
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
+from genie_sim.base.text import number_text
 from genie_sim.study.design import Axis, Design, Level
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MAX_TICKS = 8
-MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text
 LEVEL_COLOURS = mpl.colormaps["viridis"]  # from dark to light: they keep their order in greyscale
@@ -84,22 +90,20 @@ class SweepFigures:
     def drawn(self) -> Iterator[tuple[str, Figure]]:
         """Every figure with the name of its file.
 
-        Along each axis, with a column of panels for each value of one other axis or, in the width
-        of a column, a figure of each headline metric with a line for each of these values. Where
-        there are more axes, every combination of their first values has figures of its own. Only
-        over values that were drawn is anything averaged, and the figure says so.
+        Along each axis; where there is another, a figure of each headline metric with a line for
+        each of its values. Where there are more axes, every combination of their first values has
+        figures of its own. Only over values that were drawn is anything averaged, and the figure
+        says so.
         """
         for name in self.design.axes:
             others = [other for other in self.design.crossed if other != name]
             for suffix, place, runs in self._places(others[1:]):
-                if others and is_narrow(self.width_in):
-                    for metric in shown(HEADLINE, runs["metric"]):
-                        yield (
-                            f"{name}-{metric}{suffix}",
-                            self._lines(name, others[0], metric, runs, place),
-                        )
-                else:
-                    yield f"{name}{suffix}", self.along(name, runs, others[:1], place)
+                if not others:
+                    yield name, self.along(name)
+                    continue
+                for metric in shown(HEADLINE, runs["metric"]):
+                    figure = self._lines(name, others[0], metric, runs, place)
+                    yield f"{name}-{metric}{suffix}", figure
 
     def of(self, metric: str) -> Figure:
         """One metric along the first axis; of two crossed axes with a line for each value of the
@@ -112,7 +116,7 @@ class SweepFigures:
         if self.design.crossed and others:
             _, place, runs = next(self._places(others[1:]))
             return self._lines(name, others[0], metric, runs, place)
-        return self.along(name, self.runs, metrics=[metric])
+        return self.along(name, [metric])
 
     def _places(self, axes: Sequence[str]) -> "Iterator[tuple[str, str, pd.DataFrame]]":
         """The runs at every combination of values of these axes, with a suffix for file names and
@@ -128,67 +132,28 @@ class SweepFigures:
                 words.append(f"{column} = {_shortened(level)}")
             yield (f"-{number}" if columns else ""), ", ".join(words), selected
 
-    def along(
-        self,
-        name: str,
-        runs: "pd.DataFrame",
-        beside: Sequence[str] = (),
-        place: str = "",
-        metrics: Sequence[str] = (),
-    ) -> Figure:
-        """Draws means along one axis with their 95 % intervals across seeds.
+    def along(self, name: str, metrics: Sequence[str] = ()) -> Figure:
+        """Draws means along one axis with their 95 % intervals across seeds, of these ``metrics``,
+        by default the short list or, in a column, the headlines.
 
         Drawn values of a sampled axis are no line but points, for the other sampled axes differ
         from one to the next.
-
-        Parameters
-        ----------
-        name : str
-            The axis.
-        runs : DataFrame
-            All runs, or those at ``place``.
-        beside : sequence of str
-            Another axis, or none: each of its values has a column of panels.
-        place : str
-            Where on the remaining axes the runs are, for the note above the panels.
-        metrics : sequence of str
-            Which; by default the short list or, in a column or with ``beside``, the headlines.
         """
-        columns, crossed = self.design.columns, self.design.crossed
-        other = [columns[axis] for axis in beside]
-        levels: Sequence[Any] = list(dict.fromkeys(runs[other[0]])) if other else [None]
-        shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
-        means = self._means(runs, [columns[name], *other])
-        narrow = is_narrow(self.width_in)
-        tier = HEADLINE if other or narrow else SHORT
-        names = metrics or shown(tier, means["metric"])
-        names = [metric for metric in names if (means["metric"] == metric).any()]
+        column, narrow = self.design.columns[name], is_narrow(self.width_in)
+        means = self._means(self.runs, [column])
+        names = metrics or shown(HEADLINE if narrow else SHORT, means["metric"])
         panels = [
-            Panel(
-                metric,
-                f"{other[0]} = {_shortened(level)}" if other and metric == names[0] else "",
-                _by_method(of_level, self.titles),
-            )
+            Panel(metric, "", _by_method(of_metric, self.titles))
             for metric in names
-            for level in shown_levels
-            for of_level in [
-                means[(means["metric"] == metric) & (not other or means[other[0]] == level)]
-            ]
+            if len(of_metric := means[means["metric"] == metric])
         ]
-        notes = []
-        if len(shown_levels) < len(levels):
-            notes.append(f"{len(shown_levels)} of {len(levels)} values of {other[0]}")
-        averaged = [column for axis, column in columns.items() if axis not in crossed]
-        if averaged and name in crossed:
-            notes.append(f"averaged over {', '.join(averaged)}")
-        wide = len(shown_levels) if other or len(metrics) == 1 else 2 if narrow else 3
-        seeds = runs["seed"].nunique()
+        wide = 1 if len(metrics) == 1 else 2 if narrow else 3
+        seeds = self.runs["seed"].nunique()
         shows = "means and 95 % intervals across seeds"
         if not has_interval(seeds):
             shows = "means of two seeds" if seeds > 1 else "one seed"
             shows += ", so without intervals"
-        title = f"Along {columns[name]}: {shows}"
-        return self._facets(name, panels, wide, title, [*notes, *_at(place)])
+        return self._facets(name, panels, wide, f"Along {column}: {shows}")
 
     def _lines(
         self, name: str, other: str, metric: str, runs: "pd.DataFrame", place: str
@@ -218,7 +183,7 @@ class SweepFigures:
             panels.append(Panel(metric, f"{self.titles[str(method)]}{where}", series))
         wide = 1 if is_narrow(self.width_in) else min(len(panels), 3)
         title = f"{_label(definition(metric, self.words))} along {column}"
-        return self._facets(name, panels, wide, title, _at(place))
+        return self._facets(name, panels, wide, title, place)
 
     def _means(self, runs: "pd.DataFrame", by: Sequence[str]) -> "pd.DataFrame":
         """Means across seeds of what is not of a component."""
@@ -226,14 +191,15 @@ class SweepFigures:
 
     @in_style()
     def _facets(
-        self, name: str, panels: "Sequence[Panel]", wide: int, title: str, notes: Sequence[str]
+        self, name: str, panels: "Sequence[Panel]", wide: int, title: str, place: str = ""
     ) -> Figure:
-        """Panels along one axis, so many side by side; those of one metric have one scale."""
+        """Panels along one axis, so many side by side, at a ``place`` on the remaining ones; those
+        of one metric have one scale.
+        """
         axis, column = self.design.axes[name], self.design.columns[name]
         narrow, rows = is_narrow(self.width_in), max(1, -(-len(panels) // wide))
         abouts = {facet.metric: definition(facet.metric, self.words) for facet in panels}
         titled = any(facet.title for facet in panels)
-        is_one = titled and len({facet.metric for facet in panels}) == 1
         row_in = 1.3 if titled else 0.8 if narrow and rows > 1 else 1.8
         figure = NotebookFigure(figsize=(self.width_in, (0.2 if narrow else 0.6) + row_in * rows))
         cells = list(figure.subplots(rows, wide, squeeze=False).flat)
@@ -246,13 +212,13 @@ class SweepFigures:
             _draw(panel, axis, column, facet.series)
             _explain_filling(panel, facet.series)
             panel.set_title(facet.title)
-            if not is_one and (number % wide == 0 or panels[number - 1].metric != facet.metric):
+            if not titled:
                 panel.set_ylabel(_wrapped(_label(abouts[facet.metric]), narrow))
             if (titled or narrow) and number + wide < len(panels):
                 panel.tick_params(labelbottom=False)
             else:
                 panel.set_xlabel(column)
-        if is_one:
+        if titled:
             figure.supylabel(_label(abouts[panels[0].metric]))
         for metric, about in abouts.items():
             _scale(
@@ -264,12 +230,12 @@ class SweepFigures:
                 ],
             )
         _make_room(figure, 1 if titled or narrow else rows)
+        columns, crossed = self.design.columns, self.design.crossed
+        averaged = [columns[axis] for axis in columns if axis not in crossed]
+        notes = [f"averaged over {', '.join(averaged)}"] if averaged and name in crossed else []
+        notes += [f"at {place}"] if place else []
         finish(figure, title, self.footer, figure.axes, note="; ".join(notes))
         return figure
-
-
-def _at(place: str) -> list[str]:
-    return [f"at {place}"] if place else []
 
 
 def _scale(about: Metric, panels: "Sequence[tuple[Axes, Panel]]") -> None:
@@ -299,13 +265,29 @@ def _wrapped(label: str, narrow: bool = False) -> str:
 def _name_ticks(panel: Axes, names: Sequence[str]) -> None:
     """Names the places 0, 1, ... of the axis to the right, upright where they are long."""
     panel.set_xticks(range(len(names)), names)
-    figure = panel.get_figure(root=True)
-    assert figure is not None
-    room_in = panel.get_position().width * figure.get_figwidth()
-    longest = max(map(len, names), default=0) + 1
-    if len(names) * longest * character_in("xtick.labelsize") > room_in:
+    if len(names) * _longest_in(names) > _width_in(panel):
         for name in panel.get_xticklabels():
             name.set_rotation(90)
+
+
+def _have_room(panel: Axes, ticks: Sequence[float]) -> bool:
+    """Whether the names of these ticks, from low to high, have room on a logarithmic axis."""
+    if len(ticks) < 2:
+        return True
+    apart = np.diff(np.log(ticks))
+    room_in = _width_in(panel) * apart.min() / (apart.sum() + math.log(1.25 / 0.8))
+    return bool(room_in > _longest_in([_shortened(tick) for tick in ticks]))
+
+
+def _longest_in(names: Sequence[str]) -> float:
+    """The width [in] of the longest name of a tick, and of a gap beside it."""
+    return (max(map(len, names), default=0) + 1) * character_in("xtick.labelsize")
+
+
+def _width_in(panel: Axes) -> float:
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    return float(panel.get_position().width * figure.get_figwidth())
 
 
 def _make_room(figure: Figure, rows: int) -> None:
@@ -361,11 +343,11 @@ def _draw(
         _name_ticks(panel, names)
         panel.set_xlim(-0.5, len(levels) - 0.5)
     elif _logarithmic(axis, numbers):
-        panel.set_xscale("log")
-        few_values = len(numbers) <= MAX_TICKS and not axis.sampled
-        ticks = numbers if few_values else _round_ticks(min(numbers), max(numbers))
-        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        panel.xaxis.set_minor_locator(NullLocator())
+        low, high = min(numbers), max(numbers)
+        logarithmic_x(panel, 0.8 * low, 1.25 * high, (1, 2, 5) if high < 100 * low else (1,))
+        ticks = sorted(numbers)
+        if not axis.sampled and _have_room(panel, ticks):
+            panel.set_xticks(ticks, [_shortened(tick) for tick in ticks])
 
 
 def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -> dict[str, Any]:
@@ -419,14 +401,6 @@ def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
     return spans_much(numbers)
 
 
-def _round_ticks(low: float, high: float) -> list[float]:
-    """Powers of ten from ``low`` to ``high``; 2 and 5 times them as well where they are few."""
-    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    few = len(powers) <= 3
-    ticks = [digit * 10.0**power for power in powers for digit in ((1, 2, 5) if few else (1,))]
-    return [tick for tick in ticks if low <= tick <= high] or [low, high]
-
-
 def _shortened(level: Level) -> str:
-    text = level if isinstance(level, str) else f"{level:g}"
+    text = level if isinstance(level, str) else number_text(level, digits=4)
     return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"

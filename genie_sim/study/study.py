@@ -23,7 +23,7 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design
 from genie_sim.study.plan import Plan, plan
-from genie_sim.study.work import Parts, Workers
+from genie_sim.study.work import Parts
 
 log = logging.getLogger(__name__)
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
@@ -98,12 +98,12 @@ class Study:
 
     def run(
         self,
-        workers: Workers,
+        jobs: int,
         shard: tuple[int, int] = (1, 1),
         progress: Progress | None = None,
     ) -> None:
-        """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when
-        all others are done.
+        """Runs what is missing of a shard ``(i, n)``, in so many processes. Raises ``UserError``;
+        where runs failed, when all others are done.
         """
         self._find_place()
         number, shards = shard
@@ -123,7 +123,7 @@ class Study:
         for path in replaced:  # of fewer points or seeds
             folders.keep_edited(path)
             path.unlink(missing_ok=True)
-        self._parts.run(runs, workers, progress, incomplete)
+        self._parts.run(runs, jobs, progress, incomplete)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> None:
         """Makes the tables and what ``output`` says. Raises ``UserError``: ``UnfinishedError``

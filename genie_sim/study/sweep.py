@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,10 +26,6 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
 from genie_sim.record.results import (
-    MAX_NUMBER,
-    METRIC_FIELDS,
-    NUMBERS,
-    PLACE,
     MethodInfo,
     Run,
     checked_label,
@@ -103,11 +99,6 @@ class Sweep(Suggesting, Result):
             about = {**about, "metrics": own}
             provenance.check_unchanged(folder, about, READ)
             design = read_design(about["sweep"], str(path))
-            for name, table, key, count in (
-                (READ[0], runs, ["point", "seed"], design.runs),
-                (READ[1], points, ["point"], design.runs // len(design.seeds)),
-            ):
-                _check_numbers(folder / name, table, key, count)
             label = checked_label(about.get("label", ""), f"{path}: label")
             return cls(design, about, runs, points, folder, label)
 
@@ -282,7 +273,7 @@ class Sweep(Suggesting, Result):
         """A line for each run whose metrics differ, and one for all."""
         from genie_sim.base.parallel import workers_here
         from genie_sim.study.plan import plan
-        from genie_sim.study.work import Parts, Workers
+        from genie_sim.study.work import Parts
 
         if self.folder is None:
             raise UserError("rerun: the result has no folder")
@@ -297,7 +288,7 @@ class Sweep(Suggesting, Result):
         runs = [replace(run, keep=False) for run in planned.runs.values()]
         with tempfile.TemporaryDirectory() as scratch:
             scratch_parts = Parts(Path(scratch))
-            scratch_parts.run(runs, Workers(workers_here()), progress)
+            scratch_parts.run(runs, workers_here(), progress)
             different = [
                 f"{number}. {run.place}: DIFFERENT"
                 for number, run in enumerate(runs, 1)
@@ -317,46 +308,6 @@ def _table(path: Path) -> "pd.DataFrame":
     """A table of a sweep. Raises ``UserError``."""
     if not path.exists():
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest")
-    table, _ = parquet.read(path, "table of a sweep", partial(_columns_of, path))
+    table, _ = parquet.read(path, "table of a sweep", lambda schema, _: schema.names)
     read: pd.DataFrame = table.to_pandas()
     return read
-
-
-def _columns_of(path: Path, schema: Any, _about: object) -> list[str]:
-    """All columns of a table of a sweep. Raises ``UserError`` where some are missing, or of other
-    types than a sweep writes.
-    """
-    import pyarrow.types as of
-
-    scalars = (of.is_integer, of.is_floating, of.is_boolean, of.is_large_string, of.is_null)
-    kinds: dict[str, tuple[Any, ...]] = {"n": (of.is_integer, of.is_floating)}
-    kinds |= dict.fromkeys(METRIC_FIELDS[:PLACE], (of.is_large_string,))
-    kinds |= dict.fromkeys(NUMBERS, (of.is_floating,))
-    for name in (BEFORE_AXES[0], *METRIC_FIELDS):
-        if name not in schema.names:
-            raise UserError(f"{path}: is no table of a sweep: it has no column {name}")
-    for name, type in zip(schema.names, schema.types, strict=True):
-        if not any(is_of_kind(type) for is_of_kind in kinds.get(name, scalars)):
-            raise UserError(f"{path}: column {name}: a sweep writes none of {type}")
-    names: list[str] = schema.names
-    return names
-
-
-def _check_numbers(path: Path, table: "pd.DataFrame", key: list[str], count: int) -> None:
-    """Raises ``UserError`` for what no sweep writes: another ``count`` of the ``key``, a number
-    twice, or one that cannot be.
-    """
-    if len(table[key].drop_duplicates()) != count:
-        row_count = len(table[key].drop_duplicates())
-        raise UserError(f"{path}: holds {row_count:,} of {' and '.join(key)}, not {count:,}")
-    for text, rows in {
-        "is there in an earlier row": table.duplicated([*key, *METRIC_FIELDS[:PLACE]]),
-        "holds an infinite number": table[list(NUMBERS)].abs().max(axis=1) > MAX_NUMBER,
-        "low: is more than high": table["low"] > table["high"],
-        "range_low: is more than range_high": table["range_low"] > table["range_high"],
-        "value: is not within low to high": (table["value"] < table["low"])
-        | (table["value"] > table["high"]),
-        "n: is negative": table["n"] < 0,
-    }.items():
-        if rows.any():
-            raise UserError(f"{path}: row {int(rows.to_numpy().argmax())}: {text}")

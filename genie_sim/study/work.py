@@ -1,8 +1,7 @@
 """The runs of a study. A worker simulates a run and writes its metrics to a file of the run's id:
 what has such a file is not run again.
 
-Workers are processes on this machine, or those of a Dask cluster that shares the folder. They read
-profiles and traces themselves, each once.
+Workers are processes on this machine, which read profiles and traces themselves, each once.
 """
 
 import contextlib
@@ -11,8 +10,7 @@ import hashlib
 import json
 import logging
 import re
-import traceback
-from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +42,6 @@ from genie_sim.scenario.scenario import Scenario
 if TYPE_CHECKING:
     import pandas as pd
 
-SCHEDULER_TIMEOUT_S, WORKERS_TIMEOUT_S = 10, 120
 log = logging.getLogger(__name__)
 # the tables that a sweep's metrics are from, and what must be recorded for them
 MEASURED = ("frames", "lookups", "answers", "held", "hosts", "power", "faults")
@@ -116,52 +113,6 @@ def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[M
     )
 
 
-@dataclass(frozen=True)
-class Workers:
-    """So many processes of this machine, or those of the Dask ``scheduler``."""
-
-    jobs: int
-    scheduler: str | None = None
-
-    def results(
-        self, runs: Sequence[PointRun], study: Path
-    ) -> Generator[tuple[str, str], None, None]:
-        """The id of each run as it is done, and why it failed, or nothing."""
-        own_code = is_own_code_allowed()
-        work = functools.partial(_work, study=study.absolute(), own_code=own_code)
-        if self.scheduler is None:
-            return in_processes(work, runs, self.jobs, ordered=False)
-        return self._on_dask(work, runs)
-
-    def _on_dask(
-        self, work: Callable[[PointRun], tuple[str, str]], runs: Sequence[PointRun]
-    ) -> Generator[tuple[str, str], None, None]:
-        where = f"--scheduler {self.scheduler}"
-        try:
-            from distributed import CancelledError, Client, KilledWorker, as_completed
-        except ImportError:
-            text = "dask is not installed: pip install 'genie-sim[dask]'"
-            raise UserError(f"--scheduler: {text}") from None
-        try:
-            client = Client(self.scheduler, timeout=SCHEDULER_TIMEOUT_S)
-        except (OSError, ValueError, TypeError) as error:
-            raise UserError(f"{where}: no Dask scheduler answers there") from error
-        with client:
-            try:
-                client.wait_for_workers(1, timeout=WORKERS_TIMEOUT_S)
-                futures = client.map(work, runs, key=[f"genie-sim-{run.run_id}" for run in runs])
-                for future in as_completed(futures):
-                    yield future.result()
-            except TimeoutError:
-                text = f"has no workers, and got none in {WORKERS_TIMEOUT_S} s"
-                raise UserError(f"{where}: {text}") from None
-            except KilledWorker as error:
-                text = "a run was lost with several workers, for want of memory?"
-                raise UserError(f"{where}: {text}") from error
-            except (CancelledError, OSError) as error:
-                raise UserError(f"{where}: the connection to it was lost") from error
-
-
 def _work(run: PointRun, study: Path, own_code: bool) -> tuple[str, str]:
     """What a worker does, with ``own_code`` or without. What a run raises does not keep the others
     from being done.
@@ -171,7 +122,6 @@ def _work(run: PointRun, study: Path, own_code: bool) -> tuple[str, str]:
         with own_code_allowed(own_code), own_faults_told():
             parts.write(run.run_id, run.measure(study))
     except (Exception, SystemExit) as error:
-        parts.write_failure(run, traceback.format_exc())
         message = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
         return run.run_id, message
     return run.run_id, ""
@@ -180,7 +130,7 @@ def _work(run: PointRun, study: Path, own_code: bool) -> tuple[str, str]:
 @dataclass(frozen=True)
 class Parts:
     """The metrics of finished runs, a file of JSON each, named by the run's id, in ``folder /
-    "parts"``; why others failed, in ``folder / "failures"``.
+    "parts"``.
 
     A part says which versions wrote it and has a digest of its numbers. What was changed since is
     made again; files of other names are left alone.
@@ -193,22 +143,17 @@ class Parts:
         """Raises ``UserError``, as all that reads and writes here, where a link leads elsewhere."""
         return provenance.contained(self.folder, "parts")
 
-    @property
-    def failures(self) -> Path:
-        return provenance.contained(self.folder, "failures")
-
     def done(self, run_ids: Collection[str]) -> set[str]:
         """Those of the runs that are there. Raises ``UserError``."""
         return {run_id for run_id in run_ids if self.metrics(run_id) is not None}
 
     def write(self, run_id: str, metrics_of_run: Sequence[MetricValue]) -> None:
         """Keeps a run's metrics. Raises ``UserError``."""
-        rows = [metric.row for metric in metrics_of_run]
         part = {
             "run_id": run_id,
             **provenance.environment(),
-            "metrics": rows,
-            "digest": _digest(rows),
+            "metrics": metrics_of_run,
+            "digest": _digest(metrics_of_run),
         }
         _write(self.parts / f"{run_id}.json", json.dumps(part))
 
@@ -217,14 +162,10 @@ class Parts:
         for run_id in other.done(run_ids) - self.done(run_ids):
             _write(self.parts / f"{run_id}.json", read_text(other.parts / f"{run_id}.json"))
 
-    def write_failure(self, run: PointRun, traceback_text: str) -> None:
-        """Keeps why a run failed. Raises ``UserError``."""
-        _write(self._failure(run.run_id), f"{run.place}\n\n{traceback_text}")
-
     def run(
         self,
         runs: Collection[PointRun],
-        workers: Workers,
+        jobs: int,
         progress: Progress | None = None,
         incomplete: Collection[str] = (),
     ) -> None:
@@ -234,8 +175,8 @@ class Parts:
         ----------
         runs : collection of PointRun
             In the order in which a failure is looked for to be named.
-        workers : Workers
-            Where they are simulated.
+        jobs : int
+            So many processes of this machine simulate them.
         progress : callable, optional
             Told how many runs are done, of how many, and how many failed.
         incomplete : collection of str
@@ -244,18 +185,19 @@ class Parts:
         Raises
         ------
         UserError
-            If a run failed, when all others are done, or if the workers wrote elsewhere.
+            If a run failed, when all others are done.
         """
         done_ids = self.done([run.run_id for run in runs]) - set(incomplete)
         pending = [run for run in runs if run.run_id not in done_ids]
         tell = progress or (lambda *_: None)
         tell(len(done_ids), len(runs), "")
         pending.sort(key=lambda run: -len(run.scenario.cars) * len(run.scenario.methods))
-        for run in pending:
-            self._failure(run.run_id).unlink(missing_ok=True)
+        work = functools.partial(
+            _work, study=self.folder.absolute(), own_code=is_own_code_allowed()
+        )
         failed: dict[str, str] = {}
         try:
-            with contextlib.closing(workers.results(pending, self.folder)) as results:
+            with contextlib.closing(in_processes(work, pending, jobs, ordered=False)) as results:
                 for count, (run_id, error) in enumerate(results, len(done_ids) + 1):
                     if error:
                         failed[run_id] = error
@@ -269,12 +211,7 @@ class Parts:
             first = next(run for run in runs if run.run_id in failed)
             raise UserError(
                 f"{self.folder}: {len(failed):,} of {len(runs):,} runs failed, the others are done;"
-                f" {first.place}: {failed[first.run_id]}; see {self._failure(first.run_id)}"
-            )
-        if {run.run_id for run in pending} - self.done([run.run_id for run in pending]):
-            raise UserError(
-                f"{self.parts}: the workers' files are not there; they must write to the same file"
-                " system"
+                f" {first.place}: {failed[first.run_id]}"
             )
 
     def read(self, run_ids: Collection[str]) -> "pd.DataFrame":
@@ -290,9 +227,7 @@ class Parts:
         )
 
     def tidy(self) -> None:
-        """Removes what killed workers left, and reasons of failures that are mended. A line tells
-        of files that are somebody's.
-        """
+        """Removes what killed workers left. A line tells of files that are somebody's."""
         foreign_names = self._clear_parts()
         if foreign_names:
             more = f" and {len(foreign_names) - 3:,} more" if len(foreign_names) > 3 else ""
@@ -302,11 +237,6 @@ class Parts:
                 ", ".join(foreign_names[:3]),
                 more,
             )
-        for reason in self.failures.glob("*.txt"):
-            if RUN_ID.fullmatch(reason.stem):
-                reason.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # not there, or somebody's file is in it
-            self.failures.rmdir()
 
     def _clear_parts(self) -> list[str]:
         """Removes what killed workers left among the parts; returns the names of files that are
@@ -339,10 +269,6 @@ class Parts:
             log.debug("%s: %s", path, error)
         log.warning("%s: was changed since it was written: its run is made again", path)
         return None
-
-    def _failure(self, run_id: str) -> Path:
-        """The file that tells why a run failed."""
-        return self.failures / f"{run_id}.txt"
 
 
 def _check_own(path: Path, run_id: str) -> None:

@@ -109,7 +109,6 @@ def test_options_of_several_commands():
         arguments.seeds_option,
         arguments.label_option,
         arguments.jobs_option,
-        arguments.scheduler_option,
         arguments.own_code_option,
     )
     with plugins.own_code_allowed(allowed=False):
@@ -119,7 +118,6 @@ def test_options_of_several_commands():
         "seeds": None,
         "label": "",
         "jobs": None,
-        "scheduler": None,
         "own_code": False,
     }
     assert chosen["own_code"]
@@ -137,7 +135,6 @@ def test_options_of_several_commands():
         ("import link a.csv --direction up --out l.parquet", "--direction"),
         ("import tables a.csv b.csv --range 10m --out t", "--range"),
         ("show scenario --schema --kind device", "--kind"),
-        ("sweep where_it_pays --jobs 3 --scheduler tcp://nowhere:1", "--jobs"),
     ],
 )
 def test_an_option_without_effect_is_refused(line, option, capsys):

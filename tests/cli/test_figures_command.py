@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis import figures as of_runs
-from genie_sim.cli import completion
 from genie_sim.cli.main import main
 
 WINDOW = {"cars[*].route.window": ["0 s", "1 s"]}
@@ -69,9 +67,7 @@ def test_one_metric_of_results_is_called_by_the_results(folders, capsys):
 
 
 @pytest.mark.slow
-def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
-    run = gs.load(folders[0])
-    assert of_runs.makers(run).keys() <= set(completion.figures(None, None, ""))
+def test_a_figure_of_a_run_can_be_asked_for_alone(folders):
     assert (
         main(["figures", folders[0], "--only", "resources", "--label", "mine", "--out", "r.svg"])
         == 0

@@ -174,7 +174,7 @@ class TestYolov10(Conformance):
 
 
 class TestSizedRtDetr(Conformance):
-    name, size, layout = "rtdetr", (320, 320), "rtdetr"
+    name, size, layout = "rtdetr_sized", (320, 320), "rtdetr_sized"
 
     def network(self, folder):
         return make_sized_rtdetr(folder / "sized.onnx")

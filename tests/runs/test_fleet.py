@@ -30,7 +30,7 @@ from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
 from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
-from genie_sim.study.work import Parts, Workers
+from genie_sim.study.work import Parts
 from genie_sim.worlds.town import Town
 
 SMALL: dict[str, Any] = {
@@ -348,7 +348,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
     made = plan(load_design(Path("s.yaml")), "s.yaml")
     assert len(made.runs) == 4
     parts = Parts(tmp_path)
-    parts.run(list(made.runs.values()), Workers(1))
+    parts.run(list(made.runs.values()), 1)
     table = parts.read(made.runs)
     for run_id, one in made.runs.items():
         mine = table[(table["run_id"] == run_id) & (table["component"] == "")]

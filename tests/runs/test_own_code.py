@@ -28,7 +28,7 @@ from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import METHODS
 from genie_sim.study.design import design_of
 from genie_sim.study.study import Study
-from genie_sim.study.work import Workers
+from genie_sim.study.work import Parts
 from tests.checkout import REPOSITORY, CommandLine, sign
 from tests.kitti_folder import make_drive
 
@@ -442,10 +442,12 @@ def test_a_command_that_says_nothing_of_it_imports_no_own_code(
 def test_workers_import_own_code_only_where_it_is_allowed(mine: Path, tmp_path: Path):
     scenario = load_scenario(mine, methods=["mine"])
     runs = [*Study.of(design_of(scenario, 2), "mine", tmp_path, base=scenario).plan.runs.values()]
-    with plugins.own_code_allowed(allowed=False):
-        refused = dict(Workers(2).results(runs, tmp_path))
-    assert all("pass --allow-own-code" in error for error in refused.values())
-    assert dict(Workers(2).results(runs, tmp_path)) == dict.fromkeys(refused, "")
+    with (
+        plugins.own_code_allowed(allowed=False),
+        pytest.raises(UserError, match=r"2 of 2 runs failed.* pass --allow-own-code"),
+    ):
+        Parts(tmp_path).run(runs, 2)
+    Parts(tmp_path).run(runs, 2)
 
 
 @pytest.mark.process

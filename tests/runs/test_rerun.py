@@ -87,25 +87,3 @@ def test_what_another_version_wrote_is_compared_by_contents(value, capsys, caplo
     assert ("frames.parquet: DIFFERENT\n" in said) == (value == "another")
     assert said.endswith("reproduced, by contents\n") == (value == "as it was")
     assert "pyarrow: 15.0.0 when it was made" in caplog.text
-
-
-@pytest.mark.slow
-def test_what_was_drawn_otherwise_since_is_no_other_result(capsys):
-    """Neither figures that the run did not draw, nor a page whose replay begins later; a summary
-    is of the run itself.
-    """
-    line = ["run", "street_1car_homo", *SHORT[1:], "--methods", "remote"]
-    assert main(line) == 0
-    folder = str(only_folder())
-    width = ["--width", "page"]
-    assert main(["figures", folder, "--only", "latency_cdf", "--format", "svg,png", *width]) == 0
-    assert main(["report", folder, "--start", "0.5 s"]) == 0
-    capsys.readouterr()
-    assert main(["rerun", folder]) == 0
-    said = capsys.readouterr().out
-    for name in ("report.html", "figures/latency_cdf.svg", "figures/latency_cdf.png"):
-        assert f"{name}: drawn otherwise\n" in said
-    assert said.count("figures/") == 2 and said.endswith("reproduced, by contents\n")
-    (Path(folder) / "summary.md").write_text("better")
-    assert main(["rerun", folder]) == 1
-    assert "summary.md: DIFFERENT\n" in capsys.readouterr().out

@@ -10,52 +10,15 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from genie_sim.base.errors import UserError
 from genie_sim.scenario.yaml_input import dump
 from genie_sim.study import sweep
 from genie_sim.study.design import load_design
-from genie_sim.study.tables import write_parquet
 
 
 def design(seeds: int | list[int]) -> Any:
     axes = {"rate": {"set": "genie.object_map.rate", "list": [0.1, 0.5]}}
     Path("s.yaml").write_text(dump({"scenario": "street_1car_homo", "seeds": seeds, "axes": axes}))
     return load_design(Path("s.yaml"))
-
-
-def written(folder: Path, **changed: Any) -> Path:
-    """A table of numbers of two seeds at one point, its first row changed."""
-    number = dict.fromkeys(sweep.METRIC_FIELDS[: sweep.PLACE], "a") | {"unit": "ms", "n": 3}
-    number |= {"value": 2.0, "low": 1.0, "high": 3.0, "range_low": 0.0, "range_high": 4.0}
-    rows = [{"point": 0, "seed": seed, "run_id": "r", "link": "lte", **number} for seed in (1, 2)]
-    for row in rows if "link" in changed else rows[:1]:
-        row |= changed
-    path = folder / "runs.parquet"
-    write_parquet(pd.DataFrame(rows), path, b"{}")
-    return path
-
-
-WRONG = {
-    "low": 2.5,
-    "range_low": 5.0,
-    "value": float("inf"),
-    "high": -float("inf"),
-    "n": -1,
-    "seed": 2,
-    "link": [1],
-    "metric": b"a",
-}
-
-
-@pytest.mark.parametrize("name", WRONG)
-def test_rows_that_no_sweep_has_are_refused(name: str, tmp_path: Path):
-    def check(**changed: Any) -> None:
-        path = written(tmp_path, **changed)
-        sweep._check_numbers(path, sweep._table(path), ["point", "seed"], 2)
-
-    check()
-    with pytest.raises(UserError, match=r"runs\.parquet: "):
-        check(**{name: WRONG[name]})
 
 
 def test_the_footer_names_the_sweep_its_points_and_its_seeds():

@@ -34,7 +34,6 @@ from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
 from genie_sim.study.sweep import Sweep
-from genie_sim.study.work import Workers
 from tests.checkout import REPOSITORY
 from tools.fuzz.files import one_file
 from tools.fuzz.harness import Case, Target
@@ -190,7 +189,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--seeds",
         "--jobs",
         "--shard",
-        "--scheduler",
         "--out",
     ),
     "list": (),
@@ -265,7 +263,7 @@ def result_folders(folder: Path) -> Case:
         }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
         work = Study.of(load_design(folder / "s.yaml"), "s.yaml", folder)
-        work.run(Workers(1))
+        work.run(1)
         work.finish()
         swept = work.folder
     whole = {

@@ -33,6 +33,7 @@ DETECTORS: dict[str, type[ImageDetector]] = {
         networks.Yolov8,
         networks.Yolov10,
         networks.RtDetr,
+        networks.SizedRtDetr,
     )
 }
 

@@ -2,6 +2,7 @@
 outputs mean.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -28,17 +29,21 @@ class YoloxNano(OnnxDetector):
     strides = (8, 16, 32)
     gap = "yolox_gap"
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        return SHARES if is_share(outputs[0][:, :4]) else ""
+    def doubt(self) -> str:
+        return SHARES if is_share(self.grey_outputs[0][:, :4]) else ""
 
-    def decodes(self, outputs: Sequence[np.ndarray]) -> bool:
-        """If so, its centres are those of its cells in pixels."""
-        places, cells = outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
+    @functools.cached_property
+    def is_decoded(self) -> bool:
+        """Whether the network decodes its boxes itself: its centres are those of its cells in
+        pixels.
+        """
+        places, cells = self.grey_outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
         offset = np.median(np.abs(places - cells) / self.cell_strides)
         return bool(offset < DECODED and np.median(np.abs(places)) > DECODED)
 
     @property
     def notes(self) -> list[str]:
+        """What a user may want to know of the network."""
         return [f"{self.name}: the network decodes its boxes itself"] * self.is_decoded
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
@@ -132,8 +137,8 @@ class Yolov8(OnnxDetector):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(4 + len(self.labels), len(self.cells))]
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        return SHARES if is_share(outputs[0][:4]) else ""
+    def doubt(self) -> str:
+        return SHARES if is_share(self.grey_outputs[0][:4]) else ""
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture, then the score of each class."""
@@ -153,64 +158,66 @@ class Yolov10(Yolov8):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(None, 6)]
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        rows = outputs[0]
+    def rows(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
+        """Left, top, right, bottom, score and class (boxes, 6)."""
+        return outputs[0].astype(np.float64)
+
+    def doubt(self) -> str:
+        rows = self.rows(self.grey_outputs)
         numbers = rows[:, 5]
         if (rows[:, 2:4] < rows[:, 0:2] - 1e-3).any() or (numbers != np.rint(numbers)).any():
-            return "its rows are no left, top, right, bottom, score and class"
+            return "it gives no left, top, right, bottom, score and class"
         return ""
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        rows = outputs[0].astype(np.float64)
-        return rows[:, 0:4], _scores(rows[:, 5], rows[:, 4], len(self.labels))
+        rows = self.rows(outputs)
+        scores, classes = np.zeros((len(rows), len(self.labels))), rows[:, 5].astype(np.int64)
+        valid = np.flatnonzero((classes >= 0) & (classes < len(self.labels)))
+        scores[valid, classes[valid]] = rows[valid, 4]
+        return rows[:, 0:4], scores
+
+
+class SizedRtDetr(Yolov10):
+    """RT-DETR as its authors export it, and D-FINE and DEIM: the size of a picture as second input,
+    and as outputs the class, the left, top, right and bottom in pixels, and the score of each
+    query. Pictures are put into a letter box, not stretched.
+    """
+
+    name = "rtdetr_sized"
+    file_name = "rtdetr.onnx"
+    input_count = 2
+    output_count = 3
+
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        return [(None,), (None, 4), (None,)]
+
+    def rows(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
+        classes, boxes, scores = outputs
+        return np.column_stack([boxes, scores, classes]).astype(np.float64)
+
+
+class RtDetr(Yolov8):
+    """RT-DETR as Ultralytics exports it: one output (queries, 4 + classes), places as shares of the
+    network's picture. Pictures are put into a letter box, not stretched.
+    """
+
+    name = "rtdetr"
+    file_name = "rtdetr.onnx"
+
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        return [(None, 4 + len(self.labels))]
+
+    def doubt(self) -> str:
+        is_far = np.abs(self.grey_outputs[0][:, :4]).max(initial=0.0) > 2
+        return "its places are no shares of the picture" if is_far else ""
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Centre and extent as shares, then the score of each class."""
+        output = outputs[0].astype(np.float64)
+        return _corners(output[:, :4] * np.array([*self.size, *self.size])), output[:, 4:]
 
 
 def _corners(boxes: np.ndarray) -> np.ndarray:
     """Left, top, right and bottom (n, 4) of boxes whose columns begin with centre and extent."""
     centre, half = boxes[:, 0:2], boxes[:, 2:4] / 2
     return np.hstack([centre - half, centre + half])
-
-
-def _scores(classes: np.ndarray, best: np.ndarray, count: int) -> np.ndarray:
-    """The score (n, count) of every class, of boxes with the best one and its class."""
-    scores, number = np.zeros((len(best), count)), classes.astype(np.int64)
-    valid = np.flatnonzero((number >= 0) & (number < count))
-    scores[valid, number[valid]] = best[valid]
-    return scores
-
-
-class RtDetr(Yolov8):
-    """RT-DETR as Ultralytics exports it: one output (queries, 4 + classes), places as shares of the
-    network's picture. Or as its authors do, and those of D-FINE and DEIM: the size of a picture as
-    second input, and as outputs the class, the left, top, right and bottom in pixels, and the score
-    of each query. Pictures are put into a letter box, not stretched.
-    """
-
-    name = "rtdetr"
-    file_name = "rtdetr.onnx"
-    sized_output_count = 3
-
-    def output_shapes(self) -> list[tuple[int | None, ...]]:
-        if self.output_count == self.sized_output_count:
-            return [(None,), (None, 4), (None,)]
-        return [(None, 4 + len(self.labels))]
-
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        if self.output_count == self.sized_output_count:
-            classes, boxes, _ = outputs
-            if (classes != np.rint(classes)).any() or (boxes[:, 2:] < boxes[:, :2] - 1e-3).any():
-                return "its outputs are no classes, corners of boxes and scores"
-            return ""
-        if np.abs(outputs[0][:, :4]).max(initial=0.0) > 2:
-            return "its places are no shares of the picture"
-        return ""
-
-    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        """Centre and extent as shares, then the score of each class; or classes, corners and
-        scores.
-        """
-        if self.output_count == self.sized_output_count:
-            classes, boxes, best = outputs
-            return boxes.astype(np.float64), _scores(classes, best, len(self.labels))
-        output = outputs[0].astype(np.float64)
-        return _corners(output[:, :4] * np.array([*self.size, *self.size])), output[:, 4:]

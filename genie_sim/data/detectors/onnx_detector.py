@@ -50,21 +50,22 @@ class OnnxDetector(ABC):
     """A detector: a picture in, labelled boxes out; pictures may be looked at on several threads.
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
-    (width, height; ``None``: what the file says), the ``strides`` of its cells, the
-    ``output_count`` and the shapes of its outputs, how it wants colours (``normalized``) and what
-    its outputs mean (``decode``). ``sized_output_count`` is that of a network with the size of the
-    picture as second input. ``gap`` names the feature that the mean over the backbone's last
-    activation makes, for networks that pool at several sizes there.
+    (width, height; ``None``: what the file says), the ``strides`` of its cells, how many inputs
+    (the second is the size of the picture) and outputs it has, the shapes of these, how it wants
+    colours (``normalized``) and what its outputs mean (``decode``). ``gap`` names the feature that
+    the mean over the backbone's last activation makes, for networks that pool at several sizes
+    there.
     """
 
     name: ClassVar[str]
     file_name: ClassVar[str]
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
-    output_count: int = 1
-    is_decoded: bool = False
-    sized_output_count: ClassVar[int] = 0
+    input_count: ClassVar[int] = 1
+    output_count: ClassVar[int] = 1
     gap: ClassVar[str] = ""
+    grey_outputs: list[np.ndarray]
+    """What the network says of a grey picture."""
 
     def __init__(
         self,
@@ -90,12 +91,8 @@ class OnnxDetector(ABC):
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
-        counts = [
-            (1, self.output_count),
-            *([(2, self.sized_output_count)] * bool(self.sized_output_count)),
-        ]
-        network, self.sha256 = read_network(weights, counts)
-        self.weights, self.output_count = weights, len(network.graph.output)
+        network, self.sha256 = read_network(weights, self.input_count, self.output_count)
+        self.weights = weights
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
@@ -160,11 +157,6 @@ class OnnxDetector(ABC):
         """
         return {label: self._unused[label] for label in self._classes if label not in QUIET_LABELS}
 
-    @property
-    def notes(self) -> list[str]:
-        """What was found out about the network that a user may want to know."""
-        return []
-
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """The network's input (1, 3, height, width) from a picture (height, width, 3), and how much
         it was scaled.
@@ -180,15 +172,9 @@ class OnnxDetector(ABC):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         """The shapes of the outputs of one picture; ``None``: any number."""
 
-    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        """Why the outputs for a grey picture cannot mean what ``decode`` takes them for; ``""``:
-        they can.
-        """
+    def doubt(self) -> str:
+        """Why ``grey_outputs`` cannot mean what ``decode`` takes them for; ``""``: they can."""
         return ""
-
-    def decodes(self, outputs: Sequence[np.ndarray]) -> bool:
-        """Whether the network decodes its boxes itself, by its outputs for a grey picture."""
-        return False
 
     def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
         """What must lie between 0 and 1 in the outputs of one picture."""
@@ -246,23 +232,21 @@ class OnnxDetector(ABC):
 
     def _check_outputs(self, options: Any) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
-        weights = self.weights
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
-        with as_user_error(f"{weights}: is no {self.name} network", Exception):
-            outputs = self.infer(blob, options)
-        shapes = [output.shape for output in outputs[: self.output_count]]
+        wrong = f"{self.weights}: is no {self.name} network"
+        with as_user_error(wrong, Exception):
+            self.grey_outputs = self.infer(blob, options)[: self.output_count]
+        shapes = [output.shape for output in self.grey_outputs]
         expected = self.output_shapes()
         if not all(map(_fits, shapes, expected)):
             wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
             raise UserError(
-                f"{weights}: is no {self.name} network: its output is "
-                f"{', '.join(map(str, shapes))}, expected {wanted}; --detector names other kinds, "
-                "'genie-sim list detectors' tells their outputs"
+                f"{wrong}: its output is {', '.join(map(str, shapes))}, expected {wanted}; "
+                "--detector names other kinds, 'genie-sim list detectors' tells their outputs"
             )
-        self._check_scores(outputs[: self.output_count])
-        if doubt := self.doubt(outputs):
-            raise UserError(f"{weights}: is no {self.name} network: {doubt}")
-        self.is_decoded = self.decodes(outputs)
+        self._check_scores(self.grey_outputs)
+        if doubt := self.doubt():
+            raise UserError(f"{wrong}: {doubt}")
 
     def _check_scores(self, outputs: Sequence[np.ndarray]) -> None:
         """Raises UserError for scores that are no probabilities, of whichever picture."""

@@ -23,17 +23,15 @@ CPU = "CPUExecutionProvider"
 FIRST_BYTES, BYTES_OF_PIXEL = 2 * 10**9, 1000
 FIRST_S = 60.0
 
-Counts = tuple[int, int]  # of inputs and outputs
 
-
-def read_network(weights: Path, counts: Sequence[Counts]) -> tuple[Any, str]:
+def read_network(weights: Path, inputs: int, outputs: int) -> tuple[Any, str]:
     """The ONNX network in a file, with one picture as its first input, and the sha256 of its file
     and of its tensors in files beside it. Raises UserError for any other file.
 
     Parameters
     ----------
     weights : the file
-    counts : how many inputs and outputs it may have
+    inputs, outputs : how many it must have
     """
     import onnx
 
@@ -49,14 +47,13 @@ def read_network(weights: Path, counts: Sequence[Counts]) -> tuple[Any, str]:
         onnx.checker.check_model(network)
     graph = network.graph
     constants = {tensor.name for tensor in graph.initializer}
-    inputs = [value for value in graph.input if value.name not in constants]
-    if (len(inputs), len(graph.output)) not in counts:
-        expected = ", or ".join(f"{many} and {outputs}" for many, outputs in counts)
+    own_inputs = [value for value in graph.input if value.name not in constants]
+    if (len(own_inputs), len(graph.output)) != (inputs, outputs):
         raise UserError(
-            f"{weights}: has {len(inputs)} inputs and {len(graph.output)} outputs, "
-            f"expected {expected}"
+            f"{weights}: has {len(own_inputs)} inputs and {len(graph.output)} outputs, "
+            f"expected {inputs} and {outputs}; --detector names other kinds"
         )
-    dims = inputs[0].type.tensor_type.shape.dim
+    dims = own_inputs[0].type.tensor_type.shape.dim
     shape = [dim.dim_value or dim.dim_param or "any" for dim in dims]
     is_last = len(dims) == 4 and dims[3].dim_value in (1, 3) and dims[1].dim_value != 3
     if len(dims) != 4 or is_last or dims[1].dim_value not in (0, 3):
@@ -68,7 +65,7 @@ def read_network(weights: Path, counts: Sequence[Counts]) -> tuple[Any, str]:
     # Initializers listed as inputs cannot be folded, and recorded shapes are those of the exported
     # size.
     del graph.input[:], graph.value_info[:]
-    graph.input.extend(inputs)
+    graph.input.extend(own_inputs)
     return network, total.hexdigest()
 
 
