@@ -25,11 +25,12 @@ def sender(
     *,
     clock: Clock | None = None,
     seed: int = 1,
-    place: tuple[float, float] = (0.0, 0.0),
 ) -> Any:
-    """One direction of a link whose car stands at a ``place``."""
+    """One direction of a link whose car stands at the origin."""
     network: Any = SimpleNamespace(
-        clock=clock or Clock(), draws=lambda *names: Draws(seed, *names), place=lambda car: place
+        clock=clock or Clock(),
+        draws=lambda *names: Draws(seed, *names),
+        place=lambda car: (0.0, 0.0),
     )
     return model.sender(network, ends)
 
