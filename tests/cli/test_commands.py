@@ -103,26 +103,6 @@ def test_a_mistake_in_a_scenario_gets_one_line_and_status_1(mistake, capsys):
     assert not Path("results").exists()
 
 
-@pytest.mark.parametrize(
-    "text", ["edges: []\n", "cars: !!python/object/apply:os.system ['touch hacked']\n"]
-)
-def test_yaml_that_is_not_a_scenario_gets_one_line(text, capsys):
-    Path("s.yaml").write_text(text)
-    assert main(["run", "s.yaml"]) == 1
-    _one_line(capsys, "s.yaml: ")
-    assert not Path("hacked").exists()
-
-
-def test_an_unknown_scenario_lists_the_known_ones(capsys):
-    assert main(["run", "3car_heteros"]) == 1
-    _one_line(capsys, "unknown scenario '3car_heteros' (did you mean '3car_hetero'?)")
-
-
-def test_an_override_is_named_in_its_error(capsys):
-    assert main(["run", "street_1car_homo", "--set", "cars[0].device=abacus"]) == 1
-    _one_line(capsys, "--set cars[0].device=abacus: cars[0].device: unknown device 'abacus'")
-
-
 @pytest.mark.parametrize("content", [b"", b"not parquet", None])
 def test_a_broken_trace_is_named(content, capsys):
     path = Path("broken.parquet")

@@ -187,10 +187,10 @@ def test_no_file_of_an_evaluation_is_read_outside_of_it(command, name, tmp_path,
 
 def test_the_table_is_printed_in_markdown_and_for_a_notebook():
     rows = printed.read_rows(PAPER)
-    assert printed.table(rows, "markdown").count("\n| C") == 39
+    assert gs.load(PAPER).text().count("\n| C") == 39
     assert printed.html(rows).count("<tr>") == 40
     with pytest.raises(gs.UserError, match="markdown and csv"):
-        printed.table(rows, "latex")
+        gs.load(PAPER).text("latex")
     narrow = printed.text(rows, 60)
     assert printed.in_short(rows).splitlines()[-1] in narrow
     assert max(map(len, narrow.splitlines())) <= 60
