@@ -233,8 +233,9 @@ class GenieNode:
         equal = None
         if is_run and rules.same_key_pending == "coalesce":
             equal = pending_requests.joinable(topic, key)
-        if pending_requests.by_header(header) is not None or (
-            equal and equal.has_requester(header)
+        earlier = pending_requests.by_header(header)
+        if (equal and equal.has_requester(header)) or (
+            earlier and (earlier.requesters or requester.neighbour)
         ):
             return []  # this very request came before, over another way
         effects = [self._image_lookup(requester, "coalesced" if equal else "miss")]

@@ -69,7 +69,9 @@ class RecordedLink:
 
     def digests(self) -> Mapping[str, str]:
         """What decides the outcome: a digest of each file."""
-        return {f"link {recording.path.stem}": recording.digest for recording in self.recordings()}
+        files = {"rate": self.rate, "rtt": self.rtt}
+        read_files = {role: read(path) for role, path in files.items() if path is not None}
+        return {f"{role} {file.path.stem}": file.digest for role, file in read_files.items()}
 
     def transmitter(self, network: "Network", ends: LinkEnds) -> "RecordedTransmitter":
         return RecordedTransmitter(self, network, ends)

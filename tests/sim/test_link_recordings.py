@@ -133,8 +133,13 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
         return {name: text for name, text in found.items() if name.startswith("link ")}
 
     first, second = digests(1000), digests(2000)
-    assert set(first) == {"link rate1000", "link urban_n78_generated"}
-    assert first["link rate1000"] != second["link rate2000"]
+    assert set(first) == {"link rate rate1000", "link rtt urban_n78_generated"}
+    assert first["link rate rate1000"] != second["link rate rate2000"]
+    (tmp_path / "other").mkdir()
+    rtt = write(tmp_path / "other/rate1000.parquet", t_ns=[0], rtt_ns=[7])
+    both = {"model": "trace", "rate": str(tmp_path / "rate1000.parquet"), "rtt": rtt}
+    cars = [small.car(1, link=both), small.car(2, link=both)]
+    assert len(set(small.scenario(["remote"], cars=cars).link_digests().values())) == 2
     assert small.scenario(["local"]).link_digests() == {}
 
 
