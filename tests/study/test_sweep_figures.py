@@ -103,6 +103,7 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
     drawn = dict(SweepFigures(load_design(Path("s.yaml")), table, TITLES, "made up").drawn())
     assert {name.partition("-")[0] for name in drawn} == {"rule", "view"}
     assert "averaged over" in str(drawn["rule"].get_suptitle())
+    assert "averaged over" not in str(drawn["view"].get_suptitle()), "not along a drawn axis"
     outline.check("sweep with samples", drawn)
 
 
