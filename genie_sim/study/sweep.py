@@ -217,7 +217,8 @@ class Sweep(Suggesting, Result):
         notes = [several if seeds > 1 else "One seed."]
         if len(table.rows) > MAX_ROWS:
             notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
-        title = f"Sweep {self.title} of {self.design.scenario}: main results"
+        title = f"Sweep {self.title} of {self.design.scenario}"
+        title += "" if metrics else ": main results"
         if self.axes:
             title += f" along {' and '.join(self.axes)}"
         shown_rows = table.rows[:MAX_ROWS]
