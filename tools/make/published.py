@@ -135,9 +135,8 @@ def _size(drive: TrackingSequence) -> tuple[int, int]:
     focal_px = float(drive.intrinsics[0, 0])
     size = picture_size(focal_px)
     if size is None:
-        raise UserError(
-            f"calib/{drive.name}.txt: P2: none of KITTI's days has a focal length of {focal_px:g} pixels"
-        )
+        where = f"calib/{drive.name}.txt: P2"
+        raise UserError(f"{where}: none of KITTI's days has a focal length of {focal_px:g} pixels")
     return size
 
 
