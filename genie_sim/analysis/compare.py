@@ -20,8 +20,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair
-from genie_sim.analysis.metrics import of_method, samples, with_formulas
+from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair, of_method
+from genie_sim.analysis.metrics import samples, with_formulas
 from genie_sim.analysis.registry import Words, definition, shown
 from genie_sim.analysis.seed_runs import means_of, seeds_text
 from genie_sim.analysis.statistics import around, mean_and_spread

@@ -13,7 +13,6 @@ from genie_sim.analysis.registry import Words, checked_words
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance, results
-from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 
 SWEEP_FILE = "sweep.json"  # what a study says of itself
@@ -136,11 +135,6 @@ def _with_methods(run: Run, names: Sequence[str]) -> Run:
         facts={**run.facts, "methods": [by_name[name] for name in dict.fromkeys(names)]},
         measured=[metric for metric in run.measured if metric.method not in left_out],
     )
-
-
-def tables_of_runs(run: Run | SeedRuns) -> list[Mapping[str, Columns]]:
-    """The tables of a run, or of each run of several seeds."""
-    return [of_seed.tables for of_seed in run.runs]
 
 
 def seeds_text(seeds: Sequence[int]) -> str:

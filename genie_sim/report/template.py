@@ -207,9 +207,7 @@ def packed(value: Any) -> str:
 
 def _palette() -> str:
     """The colours of parts of the time as classes: ``part-queueing``."""
-    return "".join(
-        f".part-{name}{{fill:{look['facecolor']}}}\n" for name, (_, look) in style.PARTS.items()
-    )
+    return "".join(f".part-{name}{{fill:{colour}}}\n" for name, (_, colour) in style.PARTS.items())
 
 
 def _source(text: str) -> str:
