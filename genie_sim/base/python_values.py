@@ -1,6 +1,5 @@
 """Values of numpy, pandas, pathlib and classes, in the form that YAML has."""
 
-import datetime
 import functools
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -84,8 +83,8 @@ def _members(protocol: type) -> list[str]:
 def plain(value: Any, where: str) -> Any:
     """The value in lists, mappings with text keys, texts, numbers, truth values and None.
 
-    Numbers and arrays of numpy and pandas are what they hold, a path is its text, a time difference
-    is a duration, and a class is named by its module: ``mine:Link``.
+    Numbers and arrays of numpy and pandas are what they hold, a path is its text, and a class
+    is named by its module: ``mine:Link``.
 
     Parameters
     ----------
@@ -102,9 +101,6 @@ def plain(value: Any, where: str) -> Any:
         return f"{value.__module__}:{value.__qualname__}"
     if isinstance(value, PurePath):
         return str(value)
-    if isinstance(value, datetime.timedelta):  # pandas.Timedelta is one, and counts nanoseconds
-        ns = getattr(value, "value", None)
-        return f"{ns} ns" if isinstance(ns, int) else f"{value // datetime.timedelta.resolution} us"
     if isinstance(value, Mapping):
         return {str(key): plain(item, f"{where}.{key}") for key, item in value.items()}
     if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a scalar of numpy

@@ -96,6 +96,16 @@ class Kind(NamedTuple):
         return YAML_FORMS.get(Mapping if is_mapping(self.type) else self.type)
 
     @property
+    def plug_in(self) -> "PlugIn | None":
+        """Of which it is a choice, or a name."""
+        return self.marks.get(PlugIn) if self.type in (str, Choice) else None
+
+    @property
+    def unit(self) -> Quantity[Any] | None:
+        """Of a number that is written with one."""
+        return self.marks.get(Quantity) if self.type in (int, float) else None
+
+    @property
     def members(self) -> "list[Kind]":
         """Those of a union; any other kind is its only one."""
         if self.type not in (Union, UnionType):
@@ -234,11 +244,10 @@ def _value(kind: Kind, value: Any, base: object = None) -> Any:
     Marks come first, since they change what a type is in YAML: the name of a plug-in is no text
     like others, and a time, a whole number here, is a text there.
     """
-    plug_in: PlugIn | None = kind.marks.get(PlugIn)
-    if plug_in is not None and kind.type in (str, Choice):
-        return plug_in.name(value) if kind.type is str else plug_in.read(value, base)
-    if Quantity in kind.marks and kind.type in (int, float):
-        return _quantity(kind, value)
+    if kind.plug_in is not None:
+        return kind.plug_in.name(value) if kind.type is str else kind.plug_in.read(value, base)
+    if kind.unit is not None:
+        return _quantity(kind.unit, kind.marks.get(Bounds, Bounds()), value)
     if kind.type in (Union, UnionType):
         return _value(_member(kind, value), value, base)
     if is_settings_class(kind.type):
@@ -295,16 +304,15 @@ def _each(items: Iterable[tuple[Any, Any]], value: Callable[[Any, Any], Any]) ->
 
 def _fits(kind: Kind, value: object) -> bool:
     """Whether a value is written, or was read, as those of this member of a union are."""
-    if PlugIn in kind.marks and kind.type in (str, Choice):
+    if kind.plug_in is not None:
         return value is not None
     if kind.type in (Union, UnionType):
         return any(_fits(member, value) for member in kind.members)
     if is_settings_class(kind.type):
         short = hasattr(kind.type, "expand") and value is not None
         return short or isinstance(value, Mapping | kind.type)
-    has_unit = Quantity in kind.marks and kind.type in (int, float)
     form = kind.yaml_form or YAML_FORMS[str]  # a text for a class of anybody's, such as ``Path``
-    return form.holds(value) or (has_unit and isinstance(value, str))
+    return form.holds(value) or (kind.unit is not None and isinstance(value, str))
 
 
 def _member(kind: Kind, value: object) -> Kind:
@@ -320,8 +328,7 @@ def _member(kind: Kind, value: object) -> Kind:
     raise must(f"be {words}", value)
 
 
-def _quantity(kind: Kind, value: Any) -> float:
-    bounds, unit = kind.marks.get(Bounds, Bounds()), kind.marks[Quantity]
+def _quantity(unit: Quantity[Any], bounds: Bounds, value: Any) -> float:
     try:
         number: float = unit.read(value)
     except ValueError as error:
@@ -664,8 +671,8 @@ def _written(kind: Kind, value: Any) -> Any:
             return value.shorten()
         cls = type(value)
         return written(cls, {name: getattr(value, name) for name in names_of(cls)})
-    if Quantity in kind.marks and kind.type in (int, float) and YAML_FORMS[float].holds(value):
-        return kind.marks[Quantity].text(value)
+    if kind.unit is not None and YAML_FORMS[float].holds(value):
+        return kind.unit.text(value)
     if isinstance(value, Mapping):
         items = kind.items[1] if len(kind.arguments) == 2 else kind
         return {key: _written(items, item) for key, item in value.items()}

@@ -48,9 +48,8 @@ def listing(rows: Iterable[tuple[str, str]], columns: int | None) -> Iterator[st
 
 
 class Commands(click.Group):
-    """The commands, under one roof: a misspelt one is answered with the nearest, one that was
-    removed, or an option, with what to write instead; Ctrl-C or SIGTERM ends any with one line and
-    status 130, and a reader that has gone away ends it quietly.
+    """The commands, under one roof: a misspelt one is answered with the nearest; Ctrl-C or SIGTERM
+    ends any with one line and status 130, and a reader that has gone away ends it quietly.
     """
 
     add_on_group = ""  # the group of entry points through which packages add commands

@@ -15,7 +15,7 @@ from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex
 
 Answers = dict[str, Answer]  # by the topic they were published on
-MAX_TIMELESS = 10_000  # so many requests without a deadline wait at most
+MAX_WITHOUT_DEADLINE = 10_000  # so many such requests wait at most
 
 
 class MessageCache:
@@ -45,11 +45,6 @@ class MessageCache:
             return None
         self.eviction.used(stored_key, now_ns)
         return self.answers[stored_key]
-
-    def peek(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` if there are none. It is no use."""
-        stored_key = self._expire_and_find(key, now_ns)
-        return None if stored_key is None else self.answers[stored_key]
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         """Stores ``answer`` for ``topic``, over an older one; what no longer fits goes by the
@@ -186,15 +181,17 @@ class PendingIndex:
         return None if pending is None or pending.answered_topics else pending
 
     def open(self, header: Header, pending: PendingRequest) -> list[PendingRequest]:
-        """A request waits from now on, one of this header at a time. Deadlines must not decrease
-        from call to call. Returns those that it pushes out: of requests without a deadline the
-        oldest.
+        """A request waits from now on, in the place of one of this header. Deadlines must not
+        decrease from call to call. Returns those that it pushes out: of requests without a deadline
+        the oldest.
         """
-        self._by_header[header.stamp_ns if self._by_stamp else header] = pending
+        identity = header.stamp_ns if self._by_stamp else header
+        self._by_header[identity] = pending
+        self._by_header.move_to_end(identity)
         if pending.is_forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
-        if pending.deadline_ns is None and len(self._by_header) > MAX_TIMELESS:
+        if pending.deadline_ns is None and len(self._by_header) > MAX_WITHOUT_DEADLINE:
             return [self._remove_oldest()]
         return []
 

@@ -162,7 +162,8 @@ class Detection:
     confidence : float
         The object map's, from 0 to 1; equal to the score until a map has seen the object.
     placed_by : str
-        How it was placed: ``scan``, ``ground``, ``table``, ``none`` if it was not, ``unknown``.
+        How it was placed: ``scan``, ``ground``, ``table``; ``map`` of what an object map says;
+        ``none`` if it was not; ``unknown``.
     motion : object or None
         What a map beyond the paper's adds (``tracks.track.Motion``); no rule of the paper reads it.
     seen_in : Header or None

@@ -203,7 +203,7 @@ class GenieNode:
         for_others = answer if rules.share_filter == "all" else confident
         if pending is not None:  # line 8
             if is_learned:
-                self._store(topic, answer, pending, now_ns)  # line 10
+                self._caches[pending.topic].put(pending.key, topic, answer, now_ns)  # line 10
             is_for_all = rules.fresh_objects == "all" and not is_remote
             effects += self._release(
                 topic,
@@ -229,8 +229,9 @@ class GenieNode:
         equal = None
         if is_run and rules.same_key_pending == "coalesce":
             equal = pending_requests.joinable(topic, key)
-        if pending_requests.by_header(header) is not None or (
-            equal and equal.has_requester(header)
+        earlier = pending_requests.by_header(header)
+        if (equal and equal.has_requester(header)) or (
+            earlier and (earlier.requesters or requester.neighbour)
         ):
             return []  # this very request came before, over another way
         effects = [self._image_lookup(requester, "coalesced" if equal else "miss")]
@@ -314,17 +315,6 @@ class GenieNode:
             effects += self.on_deadline(now_ns)
         return effects
 
-    def _store(self, topic: str, answer: Answer, pending: PendingRequest, now_ns: int) -> None:
-        """Line 10: the answer becomes the value of its request's key."""
-        cache = self._caches[pending.topic]
-        old = None
-        if topic in pending.answered_topics and self.rules.second_answer != "overwrite":
-            old = (cache.peek(pending.key, now_ns) or {}).get(topic)
-        if old is None:
-            cache.put(pending.key, topic, answer, now_ns)
-        elif self.rules.second_answer == "merge":
-            cache.put(pending.key, topic, merged(old, answer), now_ns)
-
     def _release(
         self,
         topic: str,
@@ -383,15 +373,6 @@ class GenieNode:
     def _image_lookup(self, requester: Requester, outcome: str) -> Effect:
         role = "neighbour" if requester.neighbour else "client"
         return ImageLookup(requester.header, outcome, role, self.cache_entries())
-
-
-def merged(first: Answer, later: Answer) -> Answer:
-    """``second_answer: merge``: objects of new classes or places are added to the first answer."""
-    if first.objects is None or later.objects is None:
-        return later
-    places = {(item.label, item.location) for item in first.objects}
-    additions = [item for item in later.objects if (item.label, item.location) not in places]
-    return first.with_objects([*first.objects, *additions])
 
 
 def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:

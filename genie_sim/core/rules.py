@@ -162,10 +162,6 @@ class GenieRules:
     replay_stamp: Literal["request", "stored"] = "request"
     """Which header a replayed answer carries, that of the request, or the stored one (line 19)."""
 
-    second_answer: Literal["overwrite", "first_wins", "merge"] = "overwrite"
-    """What a later answer to the same request does to the stored one (line 10): it replaces it, it
-    is left out, or its objects are added."""
-
     neighbour_miss: Literal["ignore", "process"] = "ignore"
     """What a Genie does with a neighbour's request that it cannot answer (lines 13 to 15):
     nothing, or run it and broadcast the answer."""

@@ -1,7 +1,7 @@
 """Measurements of links in the formats of others, as the columns of a recording."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -12,16 +12,15 @@ import numpy as np
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_text
-from genie_sim.base.tables import EAST, NORTH, TIME, FileColumn, FileTable, plain_number
-from genie_sim.base.units import MAX_M, MAX_TIME_S, NS_PER_MS, NS_PER_S
+from genie_sim.base.tables import TIME, FileColumn, FileTable, plain_number
+from genie_sim.base.units import MAX_TIME_S, NS_PER_MS, NS_PER_S
 
 Direction = Literal["up", "down"]
-Columns = dict[str, list[Any]]
+Columns = dict[str, list[int]]
 PACKET_BITS = 1500 * 8  # what Mahimahi sends at each line of a trace
 BIN_MS = 100  # of such a trace, over which its packets become a rate
 MAX_BINS = 1_000_000  # a day and a bit
 
-PLACES = (EAST, NORTH)
 MAX_MBPS, MAX_MS = 1e9, 1e9  # what no link has; products with units stay whole
 CSV = (
     FileColumn("up_mbps", lowest=0.0, highest=MAX_MBPS),
@@ -31,8 +30,6 @@ CSV = (
 CICV5G = (
     FileColumn("pub_time_ms", lowest=0.0, highest=MAX_TIME_S * 1e3),
     FileColumn("delay_ms", lowest=0.0, highest=MAX_MS),
-    FileColumn("utmX_m", lowest=-MAX_M, highest=MAX_M),
-    FileColumn("utmY_m", lowest=-MAX_M, highest=MAX_M),
 )
 CSV_FACTORS = {
     "up_mbps": ("up_bps", 1e6),
@@ -68,18 +65,18 @@ def _times_ns(where: Sequence[str], texts: Sequence[str], format: str) -> list[i
 
 
 def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
-    """``time_s`` and any of ``up_mbps``, ``down_mbps``, ``rtt_ms``, ``east_m`` and ``north_m``."""
+    """``time_s`` and any of ``up_mbps``, ``down_mbps`` and ``rtt_ms``."""
     table = FileTable(path)
-    given = [column for column in (*CSV, *PLACES) if table.place(column) is not None]
+    given = [column for column in CSV if table.place(column) is not None]
     where, (times_s, *values) = _read(path, [TIME, *given])
     for place, (before_s, time_s) in zip(where[1:], pairwise(times_s), strict=True):
         if time_s <= before_s:
             raise UserError(f"{place}: time_s: must be more than {before_s:g}, not {time_s:g}")
     columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
     for column, numbers in zip(given, values, strict=True):
-        name, factor = CSV_FACTORS.get(column.name, (column.name, None))
-        columns[name] = list(numbers) if factor is None else _scaled(numbers, factor)
-    if not columns.keys() & {name for name, _ in CSV_FACTORS.values()}:
+        name, factor = CSV_FACTORS[column.name]
+        columns[name] = _scaled(numbers, factor)
+    if not given:
         titles = ", ".join(map(short_repr, table.titles))
         text = f"needs a column of up_mbps, down_mbps, rtt_ms; the file has {titles}"
         raise UserError(f"{path}: {text}; rates are in bits, not bytes")
@@ -89,21 +86,18 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
 
 
 def from_cicv5g(path: Path, direction: Direction, report: ImportReport) -> Columns:
-    """Round trips and poses of CICV5G (zxr805/CICV5G, CC BY 4.0), east and north of the first
-    row's. Of several messages sent in the same millisecond the first is taken.
+    """Round trips of CICV5G (zxr805/CICV5G, CC BY 4.0). Of several messages sent in the same
+    millisecond the first is taken.
     """
     # some files have two columns more than titles
-    _, (sent_ms, delays_ms, *places) = _read(path, CICV5G, uneven=True)
+    _, (sent_ms, delays_ms) = _read(path, CICV5G, uneven=True)
     first = [row for row, t_ms in enumerate(sent_ms) if row == 0 or t_ms != sent_ms[row - 1]]
     why = "sent in the millisecond of another, as where a spreadsheet rounds (1.66E+12)"
     report.check_dropped("messages", len(first), len(sent_ms), why)
-    columns: Columns = {
+    return {
         "t_ns": _scaled((sent_ms[row] - sent_ms[0] for row in first), NS_PER_MS),
         "rtt_ns": _scaled((delays_ms[row] for row in first), NS_PER_MS),
     }
-    for column, values in zip(("east_m", "north_m"), places, strict=True):
-        columns[column] = [round(values[row] - values[0], 3) for row in first]
-    return columns
 
 
 def from_mtu(path: Path, direction: Direction, report: ImportReport) -> Columns:
@@ -148,7 +142,7 @@ def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Col
     }
 
 
-Importer = Callable[[Path, Direction, ImportReport], Mapping[str, Sequence[Any]]]
+Importer = Callable[[Path, Direction, ImportReport], Columns]
 IMPORTERS: dict[str, Importer] = {
     "csv": from_csv,
     "cicv5g": from_cicv5g,

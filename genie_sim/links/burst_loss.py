@@ -5,7 +5,7 @@ Technical Journal 39, 1960).
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -15,23 +15,15 @@ from genie_sim.base.setting_errors import SettingError
 
 @dataclass(frozen=True, kw_only=True)
 class BurstLoss:
-    """Losses that come in bursts."""
+    """Losses of segments that come in bursts. A message arrives if all of its segments do."""
 
     mean: Share
-    """Mean share of what is lost, of segments or of messages."""
+    """Mean share of segments that are lost."""
 
     burst: Annotated[float, Bounds(minimum=1)] = 1.0
-    """Mean number of losses in a row. Independent losses have 1 / (1 - mean). Segments on a link
-    with a rate are lost for the time of so many of them, whether any are sent then or not, so
-    bursts come at the same time under every method."""
-
-    per: Literal["segment", "message"] = "segment"
-    """What is lost at a time: a segment of at most `mtu_payload` bytes, or a whole message. A
-    message arrives if all of its segments do."""
-
-    repair_ns: int | None = None
-    """How much later a message arrives of which something was lost and is sent again, as with TCP;
-    `null`: the message is lost, as with UDP."""
+    """Mean number of losses in a row. Independent losses have 1 / (1 - mean). A link with a rate
+    loses segments for the time of so many of them, whether any are sent then or not, so bursts come
+    at the same time under every method."""
 
     def __post_init__(self) -> None:
         most = self.burst / (1 + self.burst)

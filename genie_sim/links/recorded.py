@@ -1,10 +1,8 @@
 """A recorded link: rates and round trips as they were measured."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
-
-import numpy as np
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.links.recording import LinkRecording, StepFunction, read
@@ -12,8 +10,6 @@ from genie_sim.sim.link_model import LinkEnds, TimedSender
 
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
-
-PlaceInRecording = Callable[[int], int]  # the recording's time by the run's [ns]
 
 
 @dataclass(frozen=True)
@@ -43,10 +39,9 @@ class RecordedLink:
     delay_ns: int = 10 * NS_PER_MS
     """What every message takes where there is no `rtt`."""
 
-    offset: Literal["per_car", "position", "begin"] = "per_car"
+    offset: Literal["per_car", "begin"] = "per_car"
     """Where in the recordings a car begins: at a place that is drawn for each car, in step for both
-    directions and every edge; at the row whose position (`east_m`, `north_m`) is nearest to the
-    car's, at any time; or for all cars at `begin`."""
+    directions and every edge; or for all cars at `begin`."""
 
     begin_ns: int = 0
     """Where in the recordings all cars begin, with `offset: begin`."""
@@ -70,94 +65,44 @@ class RecordedLink:
 
     def check(self) -> None:
         """Raises ``UserError`` unless the recordings have what is needed."""
-        for recording in self.recordings():
-            if self.offset == "position":
-                recording.check("east_m", "north_m")
+        list(self.recordings())
 
     def digests(self) -> Mapping[str, str]:
         """What decides the outcome: a digest of each file."""
-        return {f"link {recording.path.stem}": recording.digest for recording in self.recordings()}
+        files = {"rate": self.rate, "rtt": self.rtt}
+        read_files = {role: read(path) for role, path in files.items() if path is not None}
+        return {f"{role} {file.path.stem}": file.digest for role, file in read_files.items()}
 
     def sender(self, network: "Network", ends: LinkEnds) -> "RecordedSender":
-        column, constant_bps = ("up_bps", self.up_bps) if ends.up else ("down_bps", self.down_bps)
-        rate = None if self.rate is None else read(self.rate)
-        if rate is not None and column in rate.columns:
-            rates = rate.steps(column, self.loop)
-            rates_at = self._position(network, ends, rate, rates.period_ns)
-        else:
-            rates, rates_at = _constant(constant_bps)
-        if self.rtt is not None:
-            rtt = read(self.rtt)
-            rtts = rtt.steps("rtt_ns", self.loop)
-            rtts_at = self._position(network, ends, rtt, rtts.period_ns)
-        else:
-            rtts, rtts_at = _constant(2 * self.delay_ns)
-        return RecordedSender(
-            network, ends, rates=rates, rates_at=rates_at, rtts=rtts, rtts_at=rtts_at
-        )
+        return RecordedSender(self, network, ends)
 
-    def _position(
-        self, network: "Network", ends: LinkEnds, recording: LinkRecording, period_ns: int
-    ) -> PlaceInRecording:
-        """Where in a recording a link is at a time [ns]."""
-        if self.offset == "begin":
-            return lambda now_ns: now_ns + self.begin_ns
-        if self.offset == "position" and ends.car is not None:
-            return _nearest(recording, network, ends.car)
-        name = ends.name if ends.car is None else ends.car  # both directions begin together
-        offset_ns = int(network.draws("trace").uniform(name) * period_ns)
-        return lambda now_ns: now_ns + offset_ns
+    def steps(self, name: str | None, column: str, constant: int) -> StepFunction:
+        """A recording's column over time; ``constant`` where it has none, or there is none."""
+        recording = None if name is None else read(name)
+        if recording is None or column not in recording.columns:
+            return StepFunction([0], [constant], loops=True)
+        return recording.steps(column, self.loop)
 
-
-def _constant(value: int) -> tuple[StepFunction, PlaceInRecording]:
-    """A quantity that no recording has, as steps, and the same time in them."""
-    return StepFunction([0], [value], loops=True), lambda now_ns: now_ns
-
-
-def _nearest(recording: LinkRecording, network: "Network", car: str) -> PlaceInRecording:
-    """The time of the row that is nearest to where the car is."""
-    east_m, north_m = (np.array(recording.columns[name]) for name in ("east_m", "north_m"))
-
-    def at_ns(now_ns: int) -> int:
-        car_east_m, car_north_m = network.place(car)
-        row = int(np.argmin((east_m - car_east_m) ** 2 + (north_m - car_north_m) ** 2))
-        t_ns: int = recording.columns["t_ns"][row]
-        return t_ns
-
-    return at_ns
+    def begin_in(self, steps: StepFunction, share: float) -> int:
+        """Where in a recording a car begins [ns], whose draw is ``share``."""
+        return self.begin_ns if self.offset == "begin" else int(share * steps.period_ns)
 
 
 class RecordedSender(TimedSender):
-    """One direction of a recorded link.
+    """One direction of a recorded link."""
 
-    Parameters
-    ----------
-    network : Network
-        Where the link is.
-    ends : LinkEnds
-        Which direction of which link.
-    rates, rtts : StepFunction
-        The rate [bit/s] and the round trip [ns] over the recordings' time.
-    rates_at, rtts_at : callable
-        Where in the recordings it is at a time [ns].
-    """
-
-    def __init__(
-        self,
-        network: "Network",
-        ends: LinkEnds,
-        *,
-        rates: StepFunction,
-        rates_at: PlaceInRecording,
-        rtts: StepFunction,
-        rtts_at: PlaceInRecording,
-    ) -> None:
+    def __init__(self, link: RecordedLink, network: "Network", ends: LinkEnds) -> None:
         super().__init__(network, ends)
-        self._rates, self._rates_at = rates, rates_at
-        self._rtts, self._rtts_at = rtts, rtts_at
+        column, constant_bps = ("up_bps", link.up_bps) if ends.up else ("down_bps", link.down_bps)
+        self._rates = link.steps(link.rate, column, constant_bps)
+        self._rtts = link.steps(link.rtt, "rtt_ns", 2 * link.delay_ns)
+        name = ends.name if ends.car is None else ends.car  # both directions begin together
+        share = network.draws("trace").uniform(name)
+        self._rates_begin_ns = link.begin_in(self._rates, share)
+        self._rtts_begin_ns = link.begin_in(self._rtts, share)
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
-        return self._rates.time_ns(self._rates_at(now_ns), size_bytes * 8 * NS_PER_S)
+        return self._rates.time_ns(self._rates_begin_ns + now_ns, size_bytes * 8 * NS_PER_S)
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
-        return self._rtts.at(self._rtts_at(now_ns)) // 2
+        return self._rtts.at(self._rtts_begin_ns + now_ns) // 2

@@ -27,9 +27,7 @@ TOLD = {  # in the report of an import
 POSSIBLE = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 # and those of what drives, by radio, the median round trip, in between these.
 USUAL = {"Mbit/s": (0.2, 2_500.0), "ms": (1.0, 2_000.0)}
-PLACE_COLUMNS = ("east_m", "north_m")
-# The Arrow types of all columns that there may be.
-TYPES = dict.fromkeys(("t_ns", *WHOLE_COLUMNS), "int64") | dict.fromkeys(PLACE_COLUMNS, "double")
+COLUMNS = ("t_ns", *WHOLE_COLUMNS)  # all that there may be
 LONG_PERIOD_S = 60.0  # from one measurement of a link to the next
 MAX_WHOLE = 2**63 - 1
 
@@ -87,7 +85,7 @@ class LinkRecording:
     """A recorded link: its columns by name, of equal length. ``t_ns`` begins at 0."""
 
     path: Path
-    columns: Mapping[str, Sequence[Any]]
+    columns: Mapping[str, Sequence[int]]
     digest: str
     about: Mapping[str, Any] = field(compare=False)
 
@@ -122,12 +120,11 @@ def read(name: str) -> LinkRecording:
 def _read(path: Path) -> LinkRecording:
     def checked(file_schema: "pa.Schema", _: Mapping[str, Any]) -> Sequence[str]:
         for column in file_schema:
-            if column.name not in TYPES:
-                choices = ", ".join(TYPES)
+            if column.name not in COLUMNS:
+                choices = ", ".join(COLUMNS)
                 raise UserError(f"{path}: column {column.name}: unknown; known: {choices}")
-            if str(column.type) != TYPES[column.name]:
-                kind = TYPES[column.name]
-                raise UserError(f"{path}: column {column.name}: must be of type {kind}")
+            if str(column.type) != "int64":
+                raise UserError(f"{path}: column {column.name}: must be of type int64")
         return list(file_schema.names)
 
     table, about = parquet.read(path, "recorded link", checked)
@@ -139,22 +136,20 @@ def _read(path: Path) -> LinkRecording:
     return LinkRecording(path, columns, digest, about)
 
 
-def check(where: str, columns: Mapping[str, Sequence[Any]]) -> None:
+def check(where: str, columns: Mapping[str, Sequence[int]]) -> None:
     """Raises ``UserError`` unless the columns are those of a recorded link."""
     if "t_ns" not in columns:
         raise UserError(f"{where}: column t_ns: missing")
     if not any(name in columns for name in WHOLE_COLUMNS):
         raise UserError(f"{where}: needs a column of {', '.join(WHOLE_COLUMNS)}")
-    if ("east_m" in columns) != ("north_m" in columns):
-        raise UserError(f"{where}: columns east_m and north_m go together")
     if not columns["t_ns"]:
         raise UserError(f"{where}: has no rows")
     for name, values in columns.items():
         for row, value in enumerate(values):
-            if value is None or value != value or (name in WHOLE_COLUMNS and value < 0):
-                text = "is unknown" if value is None or value != value else f"is {value}"
+            if value is None or (name in WHOLE_COLUMNS and value < 0):
+                text = "is unknown" if value is None else f"is {value}"
                 raise UserError(f"{where}: column {name}: row {row} {text}; must be 0 or more")
-            if name not in PLACE_COLUMNS and abs(value) > MAX_WHOLE:
+            if abs(value) > MAX_WHOLE:
                 text = f"is {value:.3g}; must be below {MAX_WHOLE:.2g}"
                 raise UserError(f"{where}: column {name}: row {row} {text}")
         if name.endswith("_bps") and not any(values):
@@ -167,8 +162,8 @@ def check(where: str, columns: Mapping[str, Sequence[Any]]) -> None:
             raise UserError(f"{where}: column t_ns: {text}")
 
 
-def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
-    """The ranges, the gaps and the way of a recorded link, for the report of its import."""
+def tell(report: ImportReport, columns: Mapping[str, Sequence[int]]) -> None:
+    """The ranges and the gaps of a recorded link, for the report of its import."""
     times_s = [(t_ns - columns["t_ns"][0]) / NS_PER_S for t_ns in columns["t_ns"]]
     report.read("rows", len(times_s))
     if len(times_s) == 1:
@@ -189,20 +184,13 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
             report.warn_unusual(f"{what}: {which}", middle, unit, USUAL[unit], "of a radio link")
             report.warn_sentinels(what, values, unit)
     report.check_times("times", times_s, "values hold until the next one", LONG_PERIOD_S)
-    if "east_m" in columns:
-        report.check_way(
-            "places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True))
-        )
 
 
-def write(path: Path, columns: Mapping[str, Sequence[Any]], about: Mapping[str, Any]) -> None:
+def write(path: Path, columns: Mapping[str, Sequence[int]], about: Mapping[str, Any]) -> None:
     """Writes a recording. Raises ``UserError``."""
     import pyarrow as pa
 
     check(str(path), columns)
-    types = {
-        name: getattr(pa, "float64" if kind == "double" else kind)() for name, kind in TYPES.items()
-    }
-    schema = pa.schema([pa.field(name, types[name], nullable=False) for name in columns])
+    schema = pa.schema([pa.field(name, pa.int64(), nullable=False) for name in columns])
     rows: Iterable[tuple[Any, ...]] = zip(*columns.values(), strict=True)
     parquet.write(path, schema, (dict(zip(columns, row, strict=True)) for row in rows), about)

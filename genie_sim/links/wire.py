@@ -68,7 +68,7 @@ class WireSender(TimedSender):
         self._loss = wire.loss
         self._jitter_ns = wire.jitter_ns
         self._occupied_ns: dict[int, int] = {}  # by the message's size
-        self._steps = 0  # segments or messages so far, where losses do not pass in time
+        self._segments = 0  # so far, where losses do not pass in time
         self._losses: LossProcess | None = None
         if isinstance(wire.loss, BurstLoss):
             self._losses = LossProcess(wire.loss, self.random.spawn(1)[0])
@@ -89,23 +89,21 @@ class WireSender(TimedSender):
             delay_ns += int(self.random.random() * (self._jitter_ns + 1))
         if not loss:
             return delay_ns
-        if not isinstance(loss, BurstLoss):
-            return None if self.random.random() < loss else delay_ns
-        if not self._pass_bursts(loss, size_bytes, now_ns):
-            return delay_ns
-        return None if loss.repair_ns is None else delay_ns + loss.repair_ns
+        if isinstance(loss, BurstLoss):
+            is_lost = self._is_in_burst(size_bytes, now_ns)
+        else:
+            is_lost = self.random.random() < loss
+        return None if is_lost else delay_ns
 
-    def _pass_bursts(self, loss: BurstLoss, size_bytes: int, now_ns: int) -> bool:
-        """Takes a message whose last bit has left now through the bursts; whether they take any of
-        it.
-        """
+    def _is_in_burst(self, size_bytes: int, now_ns: int) -> bool:
+        """Whether a burst takes any segment of a message whose last bit has left now."""
         assert self._losses is not None
-        wire, count = self._wire, 1
-        if loss.per == "segment":
-            count = max(1, wire.segments(size_bytes))
-            if self._rate_bps is not None:  # a step is the time of a full segment
-                begin_ns = now_ns - self.occupied_ns(size_bytes, now_ns)
-                step_bits = wire.link_bits(wire.mtu_payload_bytes) * NS_PER_S
-                return self._losses.pass_steps(begin_ns * self._rate_bps // step_bits, count)
-        first, self._steps = self._steps, self._steps + count
+        wire = self._wire
+        count = max(1, wire.segments(size_bytes))
+        if self._rate_bps is None:
+            first, self._segments = self._segments, self._segments + count
+        else:  # a step is the time of a full segment
+            begin_ns = now_ns - self.occupied_ns(size_bytes, now_ns)
+            step_bits = wire.link_bits(wire.mtu_payload_bytes) * NS_PER_S
+            first = begin_ns * self._rate_bps // step_bits
         return self._losses.pass_steps(first, count)

@@ -8,7 +8,6 @@ from typing import Any
 from genie_sim.analysis import renderers
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import has_interval
-from genie_sim.base.errors import UserError
 from genie_sim.paper import table1
 from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences, total
 from genie_sim.record import provenance
@@ -127,13 +126,6 @@ def notes(rows: Sequence[Row]) -> list[str]:
     if differ and all(row["full_run"] for row in rows):
         lines.append(f"Other verdicts than in the full run: {', '.join(differ)}.")
     return lines
-
-
-def table(rows: Sequence[Row], format: str) -> str:
-    """The table in ``markdown``. Raises ``UserError`` for another format."""
-    if format == "markdown":
-        return f"{in_markdown(rows)}\n"
-    raise UserError("format: an evaluation has markdown and csv")
 
 
 def text(rows: Sequence[Row], width: int) -> str:

@@ -128,7 +128,9 @@ class Reproduction(Suggesting, Result):
             return renderers.csv_of_table(table)
         if metrics:
             raise UserError("metrics: the table of an evaluation is of claims; format csv has them")
-        return printed.table(self.rows, format)
+        if format != "markdown":
+            raise UserError("format: an evaluation has markdown and csv")
+        return f"{printed.in_markdown(self.rows)}\n"
 
     def page(self) -> str:
         """See ``Result``."""

@@ -21,12 +21,6 @@ HERE = Path(__file__).parent
 ASSUMPTIONS = HERE / "assumptions.yaml"
 # what says what is run and tested
 INPUTS = (ASSUMPTIONS, HERE / "claims.yaml", HERE / "table1.yaml")
-# Rooms whose code decides numbers; the others show them, or bring them in and out.
-ROOMS = (
-    *("base", "core", "sim", "methods", "faults", "data", "worlds", "scenario"),
-    *("record", "judge", "analysis", "runs"),
-)
-MEASURING = ("numbers.py", "curves.py", "watch.py", "runs.py")  # in this room
 NO_SET_UP = ("name", "description", "seed", "methods", "record")  # what any run may choose
 
 
@@ -35,9 +29,8 @@ def digests() -> dict[str, str]:
     the packages.
     """
     traces = files.find(files.TRACE, TRACE).parent.glob(f"{TRACE}*.parquet")
-    package = [path for room in ROOMS for path in (PACKAGE_FOLDER / room).rglob("*.py")]
     paths_by_kind = {
-        "package": [*package, *(HERE / name for name in MEASURING)],
+        "package": PACKAGE_FOLDER.rglob("*.py"),
         "scenarios": [files.find(files.SCENARIO, name) for name in SET_UPS],
         "device_profiles": files.available(files.DEVICE).values(),
         "traces": traces,

@@ -87,16 +87,12 @@ class Departure(NamedTuple):
 
 
 class SentFrame(NamedTuple):
-    """The stamp [ns] of a frame that went up, and when that look of its view had been due;
-    ``None`` if it was the view's first.
+    """The stamp [ns] of a frame that went up, and when that look of its view had been due, a view's
+    first at its stamp. Of frames with one stamp, that for the later look went up last.
     """
 
     stamp_ns: int
-    due_ns: int | None
-
-    def order(self) -> tuple[int, int]:
-        """Of frames with one stamp, that for the later look went up last."""
-        return self.stamp_ns, -1 if self.due_ns is None else self.due_ns
+    due_ns: int
 
 
 @dataclass(slots=True)
@@ -202,13 +198,13 @@ class Pacer:
         stream = view[header.frame_id]
         every_ns = self._interval_ns()
         departures = [member.last_sent for member in view.values() if member.last_sent is not None]
-        last = max(departures, key=SentFrame.order, default=None)
+        last = max(departures, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
         if self.outstanding >= self._window() or not _is_its_turn(
             stream, view.values(), due_ns, every_ns
         ):
             return None
-        stream.last_sent = SentFrame(header.stamp_ns, due_ns)
+        stream.last_sent = SentFrame(header.stamp_ns, header.stamp_ns if due_ns is None else due_ns)
         self._outstanding[header] = now_ns
         return Departure(None if last is None else header.stamp_ns - last.stamp_ns)
 
@@ -272,9 +268,8 @@ def _due_ns(last: SentFrame, every_ns: int) -> int:
     """When the look after a view's ``last`` one falls due: by the timetable, or anew from that look
     where a whole gap was missed.
     """
-    if last.due_ns is None or last.stamp_ns - last.due_ns >= every_ns:
-        return last.stamp_ns + every_ns
-    return last.due_ns + every_ns
+    is_missed = last.stamp_ns - last.due_ns >= every_ns
+    return every_ns + (last.stamp_ns if is_missed else last.due_ns)
 
 
 def _is_its_turn(

@@ -52,7 +52,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         links={car: models[repr(choice)] for car, choice in links.items()},
         edge_network=LINK.make(settings.edge_network),
         laws=prepared.laws,
-        faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
+        faults=timed(scenario.faults),
         codec=_codec(prepared, settings.image_encoding),
         interfaces=_interfaces(scenario),
         warm_up_ns=scenario.warm_up_ns,

@@ -8,12 +8,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
-from genie_sim.base.marks import Bounds
+from genie_sim.base.marks import Bounds, Text
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.scenario.sourced import Sourced
 
 MAX_W = 100_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sourced:
+    """What is told of every number."""
+
+    tag: Literal["P", "S", "M", "D", "A"]
+    """From the paper, a public source, measured, derived, or assumed."""
+
+    source: Text
+    """Where it is from, and how it was derived."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,7 @@ from genie_sim.base.marks import Bounds, Name, Share
 from genie_sim.base.paths import read_text
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.settings import read
-from genie_sim.scenario.power import DevicePower, Watts
-from genie_sim.scenario.sourced import Sourced
+from genie_sim.scenario.power import DevicePower, Sourced, Watts
 from genie_sim.scenario.yaml_input import read_mapping
 
 

@@ -15,7 +15,7 @@ from typing import Any, Literal, Union
 
 from genie_sim.base.docstrings import docstring
 from genie_sim.base.marks import Bounds, Matches, NotEmpty, Short
-from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice
+from genie_sim.base.plugins import OWN_CLASS_PATTERN
 from genie_sim.base.settings import (
     REQUIRED,
     Kind,
@@ -26,7 +26,6 @@ from genie_sim.base.settings import (
     plain_default,
     settings_of,
 )
-from genie_sim.base.units import Quantity
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 
@@ -110,9 +109,9 @@ def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
     if short is not None:
         texts = {"type": "string", "examples": list(short.examples)}
         shorts = [texts] if short.plug_in is None else _names_schema(short.plug_in)
-    if PlugIn in marks and kind.type in (str, Choice):
-        named = {"anyOf": _names_schema(marks[PlugIn])}
-        return named if kind.type is str else _plug_in_schema(marks[PlugIn], classes)
+    if kind.plug_in is not None:
+        named = {"anyOf": _names_schema(kind.plug_in)}
+        return named if kind.type is str else _plug_in_schema(kind.plug_in, classes)
     schema: Schema = {}
     match kind.type:
         case origin if origin in (Union, UnionType):
@@ -136,8 +135,8 @@ def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
             schema = {"$ref": f"#/$defs/{name}"}
         case cls if is_mapping(cls) and kind.arguments:
             schema = {"type": "object", "additionalProperties": _schema(kind.items[1], classes)}
-        case cls if cls in (int, float) and Quantity in marks:
-            quantity = {"type": "string", "examples": [marks[Quantity].example]}
+        case _ if kind.unit is not None:
+            quantity = {"type": "string", "examples": [kind.unit.example]}
             takes_zero = marks.get(Bounds, Bounds()).contain(0)
             return {"anyOf": [quantity, {"const": 0}]} if takes_zero else quantity
         case cls if kind.yaml_form is not None and not kind.arguments:

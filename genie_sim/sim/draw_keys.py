@@ -15,9 +15,9 @@ def frame_key(header: Header) -> str:
     return f"{stamp_ns}\n{origin}\n{frame_id}"
 
 
-def message_key(topic: str, message: Message, host: str) -> str:
+def message_key(topic: str, message: Message, at: str) -> str:
     """The key of a message: what it is about, what it says, the ``topic`` on which it comes (empty
-    on a link), and the ``host`` at its other end, or a node there, which is known by its host.
+    on a link), and the host or node ``at`` its other end, which is known by its host.
     """
     source = message.source if isinstance(message, Detections) else ""
-    return f"{frame_key(message.header)}\n{source}\n{topic}\n{host.partition('/')[0]}"
+    return f"{frame_key(message.header)}\n{source}\n{topic}\n{at.partition('/')[0]}"

@@ -2,28 +2,22 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from genie_sim.base.contracts import whole
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
 from genie_sim.sim.bends import NO_BORDER, Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
-from genie_sim.sim.encoding import ImageCodec
+from genie_sim.sim.encoding import Coder, ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_model import Sender
 from genie_sim.sim.monitor import Part, Span, SpanLabel
-from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
+from genie_sim.sim.ros_graph import Dropped, Graph, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
 Arguments = tuple[Any, ...]
 OnMessage = Callable[[Message], None]
-
-
-class Target(Protocol):
-    """What takes messages at the far end of a link, such as a ``Graph``."""
-
-    def inject(self, topic: str, message: Message, sender: str) -> None: ...
 
 
 @dataclass(slots=True, eq=False)
@@ -84,6 +78,7 @@ class Link:
         self.drops = 0
         self.sent_bytes = 0
         self.cut_by: list[str] = []  # the faults that keep it cut now
+        self._cut_off: list[tuple[str, str]] = []  # hosts that faults keep from it, and the faults
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
         self.sender = sender
@@ -202,8 +197,8 @@ class Link:
         now_ns, size_bytes = clock.now, message.size_bytes
         if transfer.carried is not None:
             transfer.carried(message)
-        if self.cut_by:
-            self.lose(message, f"{self.name}:{self.cut_by[-1]}")
+        if (cause := self._cut(transfer.host)) is not None:
+            self.lose(message, f"{self.name}:{cause}")
         elif (delay_ns := self.sender.delay_ns(size_bytes, now_ns)) is None:
             self.lose(message, self.name)
         else:
@@ -218,15 +213,30 @@ class Link:
                 self._transport,
             )
 
-    def cut(self, cause: str) -> None:
-        """The link carries nothing from now on; it drops messages as ``NAME:cause``."""
-        self.cut_by.append(cause)
-        self.sender.set_available(False)
+    def cut(self, cause: str, host: str = "") -> None:
+        """The link carries nothing from now on, or nothing to a ``host``; it drops messages as
+        ``NAME:cause``.
+        """
+        if host:
+            self._cut_off.append((host, cause))
+        else:
+            self.cut_by.append(cause)
+            self.sender.set_available(False)
 
-    def restore(self, cause: str) -> None:
+    def restore(self, cause: str, host: str = "") -> None:
         """Ends a ``cut``."""
-        self.cut_by.remove(cause)
-        self.sender.set_available(not self.cut_by and self._is_connected)
+        if host:
+            self._cut_off.remove((host, cause))
+        else:
+            self.cut_by.remove(cause)
+            self.sender.set_available(not self.cut_by and self._is_connected)
+
+    def _cut(self, node: str) -> str | None:
+        """The fault that takes what would go to a node, ``None`` if there is none."""
+        if self.cut_by:
+            return self.cut_by[-1]
+        host = node.partition("/")[0] if self._cut_off else ""
+        return next((cause for name, cause in self._cut_off if name == host), None)
 
     def set_connected(self, is_connected: bool) -> None:
         """A hand-over takes the link away, or makes it again."""
@@ -249,7 +259,7 @@ class Bridge(Subscriber):
     ----------
     link : Link
         What carries the messages.
-    target : Target
+    target : Graph or Coder
         What takes them at the far end.
     topic : str
         The topic at the far end.
@@ -269,7 +279,7 @@ class Bridge(Subscriber):
     def __init__(
         self,
         link: Link,
-        target: Target,
+        target: Graph | Coder,
         *,
         topic: str,
         address: str,

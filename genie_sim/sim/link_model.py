@@ -52,8 +52,8 @@ class LinkEnds(NamedTuple):
 
 
 class LinkModel(Protocol):
-    """What a scenario says about links. It is made anew for every run and method, and links with
-    equal settings have one: what they share is kept in it.
+    """What a scenario says about links. It is made anew for every run and method. Cars' links with
+    equal settings have one: what they share is kept in it. The network between edges has its own.
 
     ``needs_sites = True``: every edge must say where it is; ``needs_cars = True``: it cannot be the
     network between edges. With a method ``check``, which raises ``UserError``, it looks at its

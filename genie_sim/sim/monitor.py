@@ -2,9 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from genie_sim.core.messages import Detections, Header, Image, Message, Observation
+
+if TYPE_CHECKING:
+    from genie_sim.sim.clock import Occupancy
 
 Placement = Literal["car", "edge"]
 Samples = Literal["all", "edges", "none"]  # of a run's resources
@@ -83,18 +86,6 @@ class FaultSpan(NamedTuple):
     end_ns: int | None
 
 
-class Occupied(Protocol):
-    """How many waited somewhere: the time in all [ns], and the most at a time."""
-
-    @property
-    def most(self) -> int: ...
-
-    @property
-    def total_ns(self) -> int: ...
-
-    def restart_most(self) -> None: ...
-
-
 class Resource(Protocol):
     """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes. A class
     that inherits from this one drops nothing, works on nothing itself and is no link, unless it
@@ -120,7 +111,7 @@ class Resource(Protocol):
     def queued(self) -> int: ...
 
     @property
-    def occupancy(self) -> "Occupied": ...
+    def occupancy(self) -> "Occupancy": ...
 
     @property
     def sent_bytes(self) -> int | None:

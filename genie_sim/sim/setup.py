@@ -73,5 +73,7 @@ class Setup:
 
     @property
     def blind_edges(self) -> set[str | None]:
-        """Edges that serve cars without cameras: no picture ever comes there."""
+        """Edges that serve cars without cameras: no picture ever comes there, since such cars have
+        edges of their own (``scenario.checks``).
+        """
         return {car.edge for car in self.cars if not car.cameras}

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.seeds import Draws
@@ -20,7 +19,7 @@ from genie_sim.sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Reso
 from genie_sim.sim.network import Network
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
-from genie_sim.sim.settings import Car, Edge, Serving
+from genie_sim.sim.settings import Car, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
 
@@ -67,7 +66,6 @@ class World:
             },
         )
         self._method = method
-        self._contexts = HostContexts(setup, monitor.names_changes)
         # Edges first: cars connect to them. Faults and cameras last: they act on all that is there.
         self.edges = self._build_edges()
         edge_resources = list(self.network.resources)
@@ -96,7 +94,8 @@ class World:
         servers: dict[str, EdgeServer] = {}
         for edge in setup.edges:
             name = edge.name
-            context = self._contexts.edge(edge, name not in blind_edges, neighbours_of[name])
+            gets_images = name not in blind_edges
+            context = self._context(name, gets_images, neighbours=neighbours_of[name])
             config = _checked("on_edge", self._method.on_edge(context))
             graph = network.add_host(name, setup.devices[edge.device])
             servers[name] = EdgeServer(graph, config)
@@ -113,7 +112,10 @@ class World:
     def _build_car(self, car: Car) -> list[CameraNode]:
         """What the method runs on a car; its cameras, none if it runs nothing."""
         setup = self.setup
-        config = self._method.on_car(self._contexts.car(car))
+        context = self._context(car.name, bool(car.cameras))
+        genie = context.genie if car.genie else None
+        context = replace(context, has_edge=car.edge is not None, genie=genie)
+        config = self._method.on_car(context)
         if config is None:
             return []
         _checked("on_car", config)
@@ -138,6 +140,22 @@ class World:
             )
             for camera in car.streams(setup.cameras)
         ]
+
+    def _context(self, name: str, gets_images: bool, neighbours: Sequence[str] = ()) -> HostContext:
+        """What a method gets to know of a host."""
+        setup = self.setup
+        return HostContext(
+            name=name,
+            gets_images=gets_images,
+            has_edge=True,
+            genie=setup.settings.genie,
+            draws=partial(Draws, setup.seed, name),
+            names_changes=self.monitor.names_changes,
+            laws=setup.laws,
+            edges=tuple(edge.name for edge in setup.edges),
+            neighbours=neighbours,
+            is_one_world=setup.is_one_world,
+        )
 
     def _check_connections(self, car: Car, graph: Graph, config: HostConfig) -> None:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
@@ -268,35 +286,7 @@ def _checked(field: str, config: HostConfig) -> HostConfig:
     """What a method has returned, where it is of the right type."""
     if not isinstance(config, HostConfig):
         raise TypeError(f"{field}() is {short_repr(config)}, but must be a HostConfig")
+    if isinstance(config.neighbour_topics, str):
+        text = f"is {config.neighbour_topics!r}, but must be a tuple of topics"
+        raise TypeError(f"{field}(): neighbour_topics {text}")
     return config
-
-
-class HostContexts(NamedTuple):
-    """What a method gets to know of the hosts of one world."""
-
-    setup: Setup
-    names_changes: bool = False
-
-    def car(self, car: Car) -> HostContext:
-        """About a car; it has rules of a Genie if one may run there."""
-        context = self._host(car.name, gets_images=bool(car.cameras))
-        genie = context.genie if car.genie else None
-        return replace(context, has_edge=car.edge is not None, genie=genie)
-
-    def edge(self, edge: Edge, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
-        """About an edge."""
-        return replace(self._host(edge.name, gets_images=gets_images), neighbours=neighbours)
-
-    def _host(self, name: str, *, gets_images: bool) -> HostContext:
-        setup = self.setup
-        return HostContext(
-            name=name,
-            gets_images=gets_images,
-            has_edge=True,
-            genie=setup.settings.genie,
-            draws=partial(Draws, setup.seed, name),
-            names_changes=self.names_changes,
-            laws=setup.laws,
-            edges=tuple(edge.name for edge in setup.edges),
-            is_one_world=setup.is_one_world,
-        )

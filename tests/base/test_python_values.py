@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +30,6 @@ class Mine:
         (range(2), [0, 1]),
         ((1, "a"), [1, "a"]),
         (pd.Series([1.5, 2.5]), [1.5, 2.5]),
-        (pd.Timedelta("10ms"), "10000000 ns"),
-        (datetime.timedelta(milliseconds=10), "10000 us"),
         (Path("a/b"), "a/b"),
         ({"like": np.str_("ideal"), 1: None}, {"like": "ideal", "1": None}),
         (Mine, f"{__name__}:Mine"),
@@ -48,8 +45,15 @@ def test_a_value_is_what_it_stands_for(value: Any, expected: Any):
 
 @pytest.mark.parametrize(
     "value",
-    [object(), b"bytes", 1j, {"a": [lambda: 0]}, {"genie", "local"}, {"a": [frozenset("b")]}],
-    ids=["object", "bytes", "complex", "function", "set", "frozenset"],
+    [
+        object(),
+        b"bytes",
+        pd.Timedelta("10ms"),
+        {"a": [lambda: 0]},
+        {"genie", "local"},
+        {"a": [frozenset("b")]},
+    ],
+    ids=["object", "bytes", "time", "function", "set", "frozenset"],
 )
 def test_anything_else_is_refused_with_its_place_and_type(value: Any):
     with pytest.raises(UserError, match=r"^x(\.a\[0\])?: .* of type \w+: expected a number"):

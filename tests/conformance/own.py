@@ -114,7 +114,8 @@ class Wired(Again):
         return self.car
 
     def on_edge(self, host):
-        return self.edge
+        edge = type(self).edge
+        return edge(host) if callable(edge) else edge
 
 
 class Latest(Interceptor):
@@ -147,6 +148,17 @@ class Latest(Interceptor):
                 Publish(OBJECTS, held.restamped(message.header).credited("cache", self.name)),
             ]
         return [looked_up, Publish(IMAGES + "-up", message)]
+
+
+def nameless(node, host, every):
+    """Makes a node whose name does not begin with its host."""
+    node.name = "again"
+
+
+def strikes_twice(fault, network):
+    """A fault that waits after its end."""
+    yield
+    yield network.clock.timeout(1)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ FULL = {
     "loss": 0.1,
 }
 
-BURSTS = {"like": "ethernet_100m", "loss": {"mean": 0.01, "burst": 50, "repair": "20 ms"}}
+BURSTS = {"like": "ethernet_100m", "loss": {"mean": 0.01, "burst": 50}}
 
 
 def test_every_shipped_model_is_tested_here():

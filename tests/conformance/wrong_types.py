@@ -6,6 +6,8 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+from genie_sim.core.messages import Publish
+from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig
 from tests.conformance import own, small
 
 OWN = "tests.conformance.own"
@@ -96,6 +98,31 @@ CASES = {
     "ages": (RADIO, own.RadioSender, "delay_ns", returns(2**70), "delay_ns() is 1180591620717411"),
     "before now": (FEW, own.OwnEviction, "expires_ns", returns(-1), "expires_ns() is -1, but must"),
     "never": (FEW, own.OwnEviction, "expires_ns", returns(math.nan), "expires_ns() is nan"),
+    "no effect": (METHOD, own.Latest, "on_message", returns(["x"]), "on_message() has 'x', but"),
+    "no deadline": (METHOD, own.Latest, "next_deadline_ns", returns(math.inf), "() is inf, but"),
+    "no answer": (
+        METHOD,
+        own.Latest,
+        "on_message",
+        lambda node, topic, message, *_: [Publish(OBJECTS, message)] if topic == IMAGES else [],
+        "objects: publishes Image(",
+    ),
+    "no host": (METHOD, own.Latest, "__init__", own.nameless, "name is 'again', but must"),
+    "a topic for topics": (
+        METHOD,
+        own.Again,
+        "on_edge",
+        returns(HostConfig(detector=True, neighbour_topics=OBJECTS)),
+        "but must be a tuple of topics",
+    ),
+    "befalls": (
+        {"faults": [{**FAULT, "fault": f"{OWN}:Crash"}]},
+        own.Crash,
+        "befalls",
+        "edge",
+        "unknown befalls 'edge'",
+    ),
+    "after its end": (STRUCK, own.Blackout, "strike", own.strikes_twice, "yields again after"),
     "a stranger": (FEW, own.OwnEviction, "victim", returns("x"), "victim() is 'x', but must be a"),
 }
 

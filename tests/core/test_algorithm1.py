@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
@@ -18,7 +17,6 @@ from genie_sim.core.messages import (
     ObjectLookups,
     Publish,
 )
-from genie_sim.core.node import merged
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
 from tests.core.worlds import (
@@ -306,50 +304,12 @@ def test_the_very_same_request_over_another_way_is_ignored():
 # The second answer to a request
 
 
-@pytest.mark.parametrize(
-    ("second_answer", "replayed"),
-    [("overwrite", ["bus"]), ("first_wins", ["car"]), ("merge", ["car", "bus"])],
-)
-def test_the_second_answer_overwrites_the_first_leaves_it_or_joins_it(second_answer, replayed):
-    asked = genie(miss_policy="blocking", second_answer=second_answer)
+def test_the_second_answer_overwrites_the_first():
+    asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), seen()), 1)
     asked.on_message(FROM_OTHERS, answer(frame(0), seen(40.0, label="bus")), 2)
-    assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == replayed
-
-
-def test_of_an_answer_without_objects_nothing_is_merged():
-    later, without = answer(frame(0), CAR), SimpleNamespace(objects=None)
-    assert merged(without, later) is later
-    assert merged(later, without) is without
-
-
-def test_merging_the_same_answer_twice_adds_nothing():
-    asked = genie(miss_policy="blocking", second_answer="merge")
-    asked.on_message(IMAGES, frame(0), 0)
-    for topic in (FROM_NODE, FROM_OTHERS):
-        asked.on_message(topic, answer(frame(0), CAR), 1)
-    assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == ["car"]
-
-
-@pytest.mark.parametrize(("second_answer", "uses"), [("first_wins", 2), ("merge", 3)])
-def test_a_second_answer_is_no_use_of_the_first(second_answer, uses):
-    """Each stored answer counts once; so does the replay at the end. ``first_wins`` stores one,
-    ``merge`` two.
-    """
-    counted = []
-
-    class Counting(LRU):
-        def used(self, key, now_ns):
-            counted.append(key)
-            super().used(key, now_ns)
-
-    asked = genie(miss_policy="blocking", second_answer=second_answer, new_eviction=Counting)
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(0), CAR), 2)
-    asked.on_message(IMAGES, frame(9), 9 * S)
-    assert len(counted) == uses
+    assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == ["bus"]
 
 
 # Neighbours on the edge network
@@ -614,7 +574,7 @@ def test_without_expiry_an_answer_is_never_too_late():
 
 def test_requests_without_expiry_do_not_pile_up(monkeypatch):
     """The oldest goes, answered or not; then an equal request is run again and joins nobody."""
-    monkeypatch.setattr(message_cache, "MAX_TIMELESS", 2)
+    monkeypatch.setattr(message_cache, "MAX_WITHOUT_DEADLINE", 2)
     asked = genie(miss_policy="blocking", request_expiry_ns=None)
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(IMAGES, frame(1, at=STATION), 1)

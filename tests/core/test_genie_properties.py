@@ -21,7 +21,6 @@ READINGS = {
     "header_identity": ["stamp_frame_origin", "stamp"],
     "same_key_pending": ["coalesce", "forward"],
     "replay_stamp": ["request", "stored"],
-    "second_answer": ["overwrite", "first_wins", "merge"],
     "neighbour_miss": ["ignore", "process"],
     "share_answers": ["broadcast", "on_request"],
     "share_requests": [True, False],

@@ -211,6 +211,7 @@ def test_counts_of_receptions_are_those_of_the_messages():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_two_saturated_hosts_collide_once_in_sixteen_times():
     """Whatever the one has left of its backoff, the other draws one of sixteen anew, and one of
     these is equal.
@@ -229,6 +230,7 @@ def test_two_saturated_hosts_collide_once_in_sixteen_times():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_hidden_terminals_lose_what_overlaps():
     """Two Poisson senders that do not hear each other: a message reaches the host between them if
     the other sender begins none in the airtime before and in that after its own begin,
@@ -251,6 +253,7 @@ def test_hidden_terminals_lose_what_overlaps():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_each_reception_is_lost_by_itself():
     """A lone sender and four hosts: 20 % of the receptions are lost, and of two hosts both lose 4 %
     of the messages.

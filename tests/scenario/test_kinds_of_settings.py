@@ -21,8 +21,8 @@ from genie_sim.base.settings import (
     settings_of,
 )
 from genie_sim.core.rules import EVICTION
+from genie_sim.scenario.power import Sourced
 from genie_sim.scenario.schema import SCHEMAS, class_schema
-from genie_sim.scenario.sourced import Sourced
 
 PAPER = {"tag": "P", "source": "table 1"}
 

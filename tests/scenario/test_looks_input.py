@@ -5,10 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import plain_data
-from genie_sim.scenario.reading import load_scenario, read_scenario
-from genie_sim.scenario.scenario import as_yaml
-from genie_sim.scenario.yaml_input import parse
+from genie_sim.scenario.reading import load_scenario
 
 
 @pytest.mark.parametrize(
@@ -41,8 +38,3 @@ def test_the_papers_genie_has_none_of_them(genie: str):
     with pytest.raises(UserError, match=r"genie\.") as error:
         load_scenario("street_1car_homo", [f"genie={genie}"])
     assert "\n" not in str(error.value)
-
-
-def test_every_setting_written_out_is_read_back():
-    scenario = load_scenario("street_1car_homo", ["methods=[{method: recommended, sharing: {}}]"])
-    assert read_scenario(parse(as_yaml(plain_data(scenario)), "written")) == scenario

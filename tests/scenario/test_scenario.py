@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
-from genie_sim.base.plugins import Choice, resolve
+from genie_sim.base.plugins import resolve
 from genie_sim.base.settings import (
     PlugIn,
     is_settings_class,
@@ -40,7 +40,7 @@ from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.schema import json_schema
 from genie_sim.scenario.yaml_input import parse, read_mapping
 from genie_sim.sim.fault import FAULTS
-from genie_sim.sim.link_model import LINK, LINK_MODELS
+from genie_sim.sim.link_model import LINK_MODELS
 from genie_sim.sim.method import METHODS
 
 ROOT = Path(__file__).parents[2]
@@ -200,34 +200,6 @@ def literal_choices(kind: Any) -> Iterator[tuple[str, ...]]:
             yield from literal_choices(argument)
 
 
-def test_an_override_says_the_same_as_the_file() -> None:
-    text = (
-        TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 2}}", 1)
-        + "genie: {eviction: lru}\n"
-    )
-    assert scenario(TWO_CARS, "cars[0].route.laps=2", "genie.eviction=lru") == scenario(text)
-
-
-def wire(link: Choice | None) -> Wire:
-    assert link is not None
-    made = LINK.make(link)
-    assert isinstance(made, Wire)
-    return made
-
-
-def test_overrides_reach_into_names_and_defaults() -> None:
-    lossy = scenario(
-        TWO_CARS.replace("edge: edge1}", "edge: edge1, link: wifi}", 1), "cars[0].link.loss=0.1"
-    )
-    assert wire(lossy.cars[0].link) == replace(wire(LINKS["wifi"]), loss=0.1)
-    assert wire(scenario(TWO_CARS, "edge_network.delay=5 ms").edge_network).rate_up_bps == 10**9
-    wide = scenario(TWO_CARS, "genie.similarity.cell=2 m").genie.similarity
-    assert (wide.name, wide.parameters["cell_m"]) == ("pose_grid", 2.0)
-    assert scenario(TWO_CARS, "seed=3", "seed=4").seed == 4
-    assert load_scenario("x.yaml", ["seed=3"], seed=5).seed == 5
-    assert scenario(TWO_CARS, "cars[1].edge=null").cars[1].link is None
-
-
 def test_the_literal_algorithm_is_a_preset() -> None:
     literal = scenario(TWO_CARS, "genie.algorithm=literal").genie
     assert literal.request_expiry_ns is None
@@ -368,18 +340,6 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
         TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 0, start: 3}}") + "seed: x\n"
     )
     assert told == "x.yaml: seed: must be a whole number, not 'x' (and 4 more mistakes)"
-
-
-def test_one_of_the_usual_cameras_is_changed_by_its_place() -> None:
-    usual = scenario().cameras
-    changed = scenario(TWO_CARS, "cameras[1].rate=2.5 Hz").cameras
-    assert changed == (usual[0], replace(usual[1], rate=2.5), *usual[2:])
-
-
-def test_a_mistake_in_the_file_is_not_blamed_on_an_override() -> None:
-    assert refusal(TWO_CARS + "spread: busy\n", "seed=2").startswith(
-        "x.yaml: spread: unknown spread 'busy'"
-    )
 
 
 def test_unknown_scenarios() -> None:

@@ -1,4 +1,4 @@
-"""Faults at the border of a host and of its cameras: wrong positions, frozen pictures, parts of a
+"""Faults at the border of a host and of its cameras: wrong positions, no pictures, parts of a
 network.
 """
 
@@ -6,14 +6,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from genie_sim.base.seeds import stream
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look
-from genie_sim.faults.camera import CameraFault
 from genie_sim.faults.gnss import PositionError
 from genie_sim.sim.bends import Bend, Border, shifted
 from genie_sim.sim.content import EncodedContent
@@ -121,30 +119,8 @@ def test_a_bias_moves_what_is_held_of_others_by_as_much_and_of_oneself_by_nothin
     assert network.border("edge1", "car2").enter(answer) is answer
 
 
-def test_a_frozen_camera_shows_the_first_picture_where_the_car_is_now():
-    senses: list = []
-    next(CameraFault("car1").strike(SimpleNamespace(senses=lambda car: senses)))  # type: ignore[arg-type]
-    ((sense, _),) = senses
-    first = image(pose=CameraPose(0.0, 0.0, 1.6, 0.0))
-    assert sense(first) is first
-    turned = CameraPose(100.0, 50.0, 1.6, math.pi / 2)
-    frozen = sense(image(header=Header(9, "camera_02", "car1"), pose=turned, digest="new"))
-    assert frozen is not None and frozen.header.stamp_ns == 9 and frozen.pose == turned
-    assert frozen.digest == first.digest and frozen.dhash == first.dhash
-    place = frozen.content.detections[0].location
-    assert place == pytest.approx((100.0 - 20.0, 50.0 + 10.0, 0.5))
-    other = image(header=Header(9, "camera_03", "car1"))
-    assert sense(other) is other, "each camera shows its own picture"
-
-
 def test_cameras_that_show_nothing_lose_their_frames_and_no_others():
-    fault = {
-        "fault": "camera",
-        "target": "car1",
-        "shows": "nothing",
-        "begin": "0.5 s",
-        "end": "1 s",
-    }
+    fault = {"fault": "camera", "target": "car1", "begin": "0.5 s", "end": "1 s"}
     frames = small.frames(small.scenario(["local", "remote", "genie"], faults=[fault]))
     lost = frames["drop"].isin(["car1/camera_0:camera", "car1/camera_1:camera"])
     within = (frames["car"] == "car1") & frames["stamp_ns"].between(0.5 * S, S - 1)
@@ -165,6 +141,17 @@ def test_a_partition_separates_its_hosts_from_all_others_only():
     together = {**fault, "target": ["car1", "edge1"]}
     frames = small.frames(small.scenario(["remote"], faults=[together]))
     assert not frames["drop"].str.endswith(":partition", na=False).any()
+
+
+def test_an_outage_of_an_edge_goes_both_ways():
+    """What other edges send goes to all of their neighbours but the one that is cut off."""
+    fault = {"fault": "outage", "target": "edge1", "begin": "0 s", "end": "1.5 s"}
+    edges = [{"name": f"edge{number}", "device": "agx_xavier"} for number in (1, 2, 3)]
+    world, tables = small.world(small.scenario(["genie"], edges=edges, faults=[fault]))
+    world.run()
+    lookups = tables["lookups"].to_frame()
+    lookups = lookups[lookups["car"] == "car2"].groupby("genie", observed=True)["t_ns"].min()
+    assert lookups["edge3/genie"] < 0.5 * S < 1.5 * S <= lookups["edge1/genie"]
 
 
 def test_a_warm_crash_keeps_what_a_genie_knows_and_a_cold_one_does_not():

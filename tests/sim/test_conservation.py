@@ -293,7 +293,6 @@ def scenarios(draw) -> Scenario:
         "neighbour_miss": draw(st.sampled_from(("ignore", "process"))),
         "same_key_pending": draw(st.sampled_from(("coalesce", "forward"))),
         "replay_stamp": draw(st.sampled_from(("request", "request", "stored"))),
-        "second_answer": draw(st.sampled_from(("overwrite", "first_wins", "merge"))),
         "share_answers": draw(st.sampled_from(("broadcast", "on_request"))),
         "share_requests": draw(st.booleans()),
         "request_expiry": draw(st.sampled_from(("2 s", "400 ms"))),

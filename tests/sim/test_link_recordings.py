@@ -108,26 +108,6 @@ def test_a_car_begins_at_a_place_of_its_own_in_step_for_all_of_its_links():
     assert of_car1 != of_car2 and of_car1 != other_seed
 
 
-def test_a_car_has_the_link_of_the_row_that_is_nearest(tmp_path):
-    path = write(
-        tmp_path / "places.parquet",
-        t_ns=[0, S, 2 * S],
-        up_bps=[MBIT, 2 * MBIT, 4 * MBIT],
-        rtt_ns=[10 * MS, 20 * MS, 40 * MS],
-        east_m=[0.0, 50.0, 50.0],
-        north_m=[0.0, 0.0, 90.0],
-    )
-    trace = RecordedLink(rate=path, rtt=path, offset="position")
-    for place, rate_bps, delay_ms in (
-        ((3.0, -9.0), 1, 5),
-        ((40.0, 20.0), 2, 10),
-        ((40.0, 70.0), 4, 20),
-    ):
-        there = sender(trace, place=place)
-        assert there.occupied_ns(12_500, 77 * S) == S // 10 // rate_bps
-        assert there.delay_ns(1, 77 * S) == delay_ms * MS
-
-
 def test_constant_rates_stand_in_for_what_was_not_recorded(tmp_path):
     path = write(tmp_path / "up.parquet", t_ns=[0], up_bps=[8 * MBIT])
     trace = RecordedLink(rate=path, rtt=None, down_bps=80 * MBIT, delay_ns=3)
@@ -153,8 +133,13 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
         return {name: text for name, text in found.items() if name.startswith("link ")}
 
     first, second = digests(1000), digests(2000)
-    assert set(first) == {"link rate1000", "link urban_n78_generated"}
-    assert first["link rate1000"] != second["link rate2000"]
+    assert set(first) == {"link rate rate1000", "link rtt urban_n78_generated"}
+    assert first["link rate rate1000"] != second["link rate rate2000"]
+    (tmp_path / "other").mkdir()
+    rtt = write(tmp_path / "other/rate1000.parquet", t_ns=[0], rtt_ns=[7])
+    both = {"model": "trace", "rate": str(tmp_path / "rate1000.parquet"), "rtt": rtt}
+    cars = [small.car(1, link=both), small.car(2, link=both)]
+    assert len(set(small.scenario(["remote"], cars=cars).link_digests().values())) == 2
     assert small.scenario(["local"]).link_digests() == {}
 
 
@@ -163,7 +148,6 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
     [
         ({"up_bps": [5, 0]}, {"loop": False}, "up_bps: ends with a rate of 0"),
         ({"rtt_ns": [5, 5]}, {}, "column up_bps: missing; it has t_ns, rtt_ns"),
-        ({"up_bps": [5, 5]}, {"offset": "position"}, "column east_m: missing"),
         ({"up_bps": [5, 5]}, {"rtt": "nowhere"}, "unknown recorded link 'nowhere'"),
     ],
 )

@@ -12,7 +12,7 @@ from genie_sim.runs.build import device as built_device
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host
 from genie_sim.sim.link import Bridge, Link
-from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
+from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, Interceptor
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
@@ -275,8 +275,8 @@ def test_the_genie_takes_over_the_topics_that_the_master_names(place: str):
 def test_any_node_can_be_encapsulated_whatever_its_topics():
     told: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
 
-    class NothingToDo:
-        name = "genie"
+    class NothingToDo(Interceptor):
+        name = "car1/genie"
 
         def subscriptions(self) -> tuple[str, ...]:
             return ("/clouds",)

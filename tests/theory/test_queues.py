@@ -104,6 +104,7 @@ def processor_waits(rho: float, service: Law, servers: int = 1, customers: int =
     return experiment
 
 
+@pytest.mark.nightly
 def test_accelerator_matches_m_m_1():
     """Mean wait, M/M/1: rho / (1 - rho) service times."""
     waits = replicate(processor_waits(0.5, exponential, customers=6000), replications=40, seed=1)
@@ -239,6 +240,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     return answered, dropped, waits
 
 
+@pytest.mark.nightly
 def test_detector_with_an_unbounded_queue_matches_m_d_1():
     """The whole node, from the topic to the answer."""
 
