@@ -117,7 +117,7 @@ def test_the_steps_of_every_frame_add_up_to_its_response_time(run, page):
         steps, frames = one["steps"], run.frames[run.frames["method"] == one["name"]]
         sums = dict.fromkeys(("first", "fresh", "both", "result"), 0)
         for which, took_ns in zip(steps["which"], steps["took_ns"], strict=True):
-            sums[shown["whichs"][which]] += took_ns
+            sums[shown["names"][which]] += took_ns
         for answer in ("first", "fresh"):
             whole = (frames[f"{answer}_answer_ns"] - frames["received_ns"]).sum()
             assert sums[answer] + sums["both"] == whole > 0
