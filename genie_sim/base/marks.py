@@ -79,8 +79,8 @@ ENDINGS: dict[str, tuple[Quantity[Any], Bounds]] = {  # of names
     "_m": (units.LENGTH, NOT_NEGATIVE),
     "_rad": (units.ANGLE, Bounds()),
     "_hz": (units.FREQUENCY, POSITIVE),
-    "_db": (units.RATIO, Bounds()),
-    "_dbm": (units.RADIATED, Bounds()),
+    "_db": (units.RATIO, Bounds(minimum=-200, maximum=200)),
+    "_dbm": (units.RADIATED, Bounds(minimum=-200, maximum=200)),
     "_w": (units.POWER, NOT_NEGATIVE),
     "_ppm": (units.DRIFT, Bounds()),
 }

@@ -181,11 +181,13 @@ class PendingIndex:
         return None if pending is None or pending.answered_topics else pending
 
     def open(self, header: Header, pending: PendingRequest) -> list[PendingRequest]:
-        """A request waits from now on, one of this header at a time. Deadlines must not decrease
-        from call to call. Returns those that it pushes out: of requests without a deadline the
-        oldest.
+        """A request waits from now on, in the place of one of this header. Deadlines must not
+        decrease from call to call. Returns those that it pushes out: of requests without a deadline
+        the oldest.
         """
-        self._by_header[header.stamp_ns if self._by_stamp else header] = pending
+        identity = header.stamp_ns if self._by_stamp else header
+        self._by_header[identity] = pending
+        self._by_header.move_to_end(identity)
         if pending.is_forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending

@@ -187,6 +187,10 @@ class GenieNode:
     def _on_answer(self, topic: str, message: Answer, is_remote: bool, now_ns: int) -> list[Effect]:
         """Lines 7 to 11: the message is an answer, to a pending request if that is here. Line 9
         comes before the test of line 8: what nobody here has asked for feeds the map, too.
+
+        The cache stores all of its objects, with the map's confidences. Clients get those that are
+        confident (C_T), clients on this host all with ``fresh_objects: all``; other Genies get the
+        confident ones, or all with ``share_filter: all``.
         """
         rules, effects = self.rules, list[Effect]()
         is_learned = not is_remote or rules.car_learns == "all"
@@ -229,8 +233,9 @@ class GenieNode:
         equal = None
         if is_run and rules.same_key_pending == "coalesce":
             equal = pending_requests.joinable(topic, key)
-        if pending_requests.by_header(header) is not None or (
-            equal and equal.has_requester(header)
+        earlier = pending_requests.by_header(header)
+        if (equal and equal.has_requester(header)) or (
+            earlier and (earlier.requesters or requester.neighbour)
         ):
             return []  # this very request came before, over another way
         effects = [self._image_lookup(requester, "coalesced" if equal else "miss")]

@@ -21,6 +21,7 @@ from genie_sim.methods.similarity_cache import (
     SimilarityCache,
     SimilarityCaching,
     cache_rules,
+    check_neighbour,
     stores_nothing,
 )
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE, Costs, HostConfig, HostContext
@@ -185,11 +186,7 @@ class Cachier(SimilarityCaching):
             )
         if not host.gets_images:
             return HostConfig()
-        if cloud not in host.neighbours:
-            raise UserError(
-                f"cachier: cloud: {host.name} is no neighbour of {cloud}, "
-                "and can forward nothing to it"
-            )
+        check_neighbour(host, cloud, "cachier: cloud")
         return HostConfig(
             interceptor=partial(self._node, host, host.rules.capacity, forwards_misses=True),
             neighbour_topics=(OBJECTS + REMOTE,),

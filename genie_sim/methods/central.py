@@ -9,7 +9,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.genies import make_genie, rules_on_edge
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import SIMILARITY
-from genie_sim.methods.similarity_cache import stores_nothing
+from genie_sim.methods.similarity_cache import check_neighbour, stores_nothing
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
     IMAGES,
@@ -49,6 +49,7 @@ class Central(Method):
             )
         if not host.gets_images:
             return HostConfig()
+        check_neighbour(host, hub, "central: at")
         return HostConfig(
             detector=True,
             interceptor=partial(_requester, host),

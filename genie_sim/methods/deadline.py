@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
-from genie_sim.base.marks import Bounds, NotEmpty, Share
+from genie_sim.base.marks import Bounds, NotEmpty
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Effect, Expired, Header, Image, Message, Publish
 from genie_sim.sim.method import (
@@ -152,7 +152,11 @@ class Deadline(Method):
     deadline_ns: Annotated[int, Bounds(above=0)] = 300 * NS_PER_MS
     """How long an answer may take."""
 
-    shares: Annotated[tuple[Share, ...], NotEmpty()] = (1.0, 0.7, 0.35)
+    shares: Annotated[tuple[Annotated[float, Bounds(above=0, maximum=1)], ...], NotEmpty()] = (
+        1.0,
+        0.7,
+        0.35,
+    )
     """How many of an image's bytes each quality takes, best first."""
 
     probe_ns: int = NS_PER_S

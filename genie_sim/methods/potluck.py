@@ -2,7 +2,7 @@
 ASPLOS 2018).
 """
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,6 +10,7 @@ from genie_sim.base.marks import Bounds, Count, Share
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.eviction import TTL
+from genie_sim.core.message_cache import Answers
 from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
@@ -29,8 +30,8 @@ class ImportanceEviction(TTL):
 
     def __init__(self, ttl_ns: int) -> None:
         super().__init__(ttl_ns)
+        self.answers: Mapping[Hashable, Answers] = {}  # of the cache
         self._uses: dict[Hashable, int] = {}
-        self.sizes: dict[Hashable, int] = {}
 
     def stored(self, key: Hashable, now_ns: int) -> None:
         super().stored(key, now_ns)
@@ -42,10 +43,13 @@ class ImportanceEviction(TTL):
     def removed(self, key: Hashable) -> None:
         super().removed(key)
         self._uses.pop(key, None)
-        self.sizes.pop(key, None)
 
     def victim(self) -> Hashable:
-        return min(self._keys, key=lambda key: self._uses[key] / self.sizes[key])
+        return min(self._keys, key=self._importance)
+
+    def _importance(self, key: Hashable) -> float:
+        size_bytes = sum(answer.size_bytes for answer in self.answers[key].values())
+        return self._uses[key] / size_bytes
 
 
 class AdaptiveThresholdCache(SimilarityCache):
@@ -57,8 +61,9 @@ class AdaptiveThresholdCache(SimilarityCache):
     """
 
     def __init__(self, settings: "Potluck", capacity: Capacity | None, draws: Draws) -> None:
-        self._importance = ImportanceEviction(settings.ttl_ns)
-        super().__init__(self._importance, capacity, settings.replay)
+        importance = ImportanceEviction(settings.ttl_ns)
+        super().__init__(importance, capacity, settings.replay)
+        importance.answers = self.answers
         self.reach = 0.0
         self._settings = settings
         self._draws = draws
@@ -78,12 +83,6 @@ class AdaptiveThresholdCache(SimilarityCache):
                 self.reach /= settings.tighten
             elif distance > self.reach and agree:
                 self.reach = (1 - settings.keep) * distance + settings.keep * self.reach
-
-    def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
-        self._importance.sizes[key] = answer.size_bytes
-        super().put(key, topic, answer, now_ns)
-        if key not in self.answers:  # it was larger than the whole cache
-            self._importance.sizes.pop(key, None)
 
 
 @dataclass(frozen=True, kw_only=True)

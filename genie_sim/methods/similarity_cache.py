@@ -3,10 +3,11 @@
 import functools
 import math
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+from genie_sim.base.errors import UserError
 from genie_sim.base.matching import Placed, f1, placed
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.message_cache import Answers, MessageCache
@@ -143,18 +144,25 @@ def stores_nothing() -> MessageCache:
     return MessageCache(Exact().index(), Eviction(), Capacity(entries=0))
 
 
+def check_neighbour(host: HostContext, edge: str, setting: str) -> None:
+    """Raises ``UserError`` unless a host can ask an edge, which ``setting`` names."""
+    if edge not in host.neighbours:
+        raise UserError(
+            f"{setting}: {host.name} is no neighbour of {edge}, and can ask it nothing; "
+            "edge_neighbours says with how many edges each is connected"
+        )
+
+
 def cache_rules(rules: GenieRules, *, share_requests: bool) -> GenieRules:
     """The settings of a node with a cache alone, on cars and edges alike: an answer goes to those
     who asked for it, when it is there, and all answers are stored. Misses go to the detector, and
-    to ``-remote`` if ``share_requests``.
+    to ``-remote`` if ``share_requests``. Of a Genie's settings the expiry of requests alone counts.
     """
-    return replace(
-        rules,
+    return GenieRules(
         miss_policy="blocking",
-        car_learns="all",
         share_answers="on_request",
         share_requests=share_requests,
-        header_identity="stamp_frame_origin",
+        request_expiry_ns=rules.request_expiry_ns,
     )
 
 

@@ -1,6 +1,7 @@
 """The ``faults:`` of a scenario: what goes wrong where, and when."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -99,15 +100,26 @@ def check_faults(
         check = getattr(FAULT.resolve(kind), "check", None)
         places = [place for place, entry in enumerate(faults) if entry.fault.name == kind]
         if check is not None:
-            timed_faults = [timed(faults[place], place) for place in places]
-            for place, field, text in check(timed_faults, edge_of, edges):
+            for place, field, text in check(
+                timed([faults[place] for place in places]), edge_of, edges
+            ):
                 yield f"faults[{places[place]}].{field}", text
 
 
-def timed(entry: FaultEntry, place: int) -> TimedFault:
-    """A fault with its times. ``place`` among the scenario's faults names its random stream. Raises
-    ``UserError``.
+def timed(entries: Iterable[FaultEntry]) -> list[TimedFault]:
+    """Faults with their times. The random stream of each is named by its kind, its target and its
+    number among those that share both. Raises ``UserError``.
     """
+    numbers: Counter[str] = Counter()
+    faults: list[TimedFault] = []
+    for entry in entries:
+        alike = f"fault {entry.fault.name} {entry.target}"
+        numbers[alike] += 1
+        faults.append(_timed(entry, f"{alike} {numbers[alike]}"))
+    return faults
+
+
+def _timed(entry: FaultEntry, name: str) -> TimedFault:
     fault = FAULT.make(entry.fault)
     begin_ns, end_ns = entry.begin_ns or 0, entry.end_ns
     duration_ns = getattr(fault, "duration_ns", None)
@@ -117,7 +129,7 @@ def timed(entry: FaultEntry, place: int) -> TimedFault:
         end_ns = begin_ns + duration_ns
     return TimedFault(
         fault=fault,
-        name=f"fault {place}",
+        name=name,
         kind=entry.fault.name,
         begin_ns=begin_ns,
         end_ns=end_ns,

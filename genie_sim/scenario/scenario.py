@@ -279,8 +279,9 @@ class Scenario(MethodSettings):
             what = f"link model {choice.name!r}: digests()"
             require(is_text, what, told, "a mapping from name to text")
             for name, digest in told.items():
-                is_free = digests.get(name, digest) == digest and not plugins.is_own(choice.name)
-                digests[name if is_free else f"{path}: {name}"] = digest
+                is_free = digests.get(f"link {name}", digest) == digest
+                is_free = is_free and not plugins.is_own(choice.name)
+                digests[f"link {name if is_free else f'{path}: {name}'}"] = digest
         return digests
 
     def new_methods(self) -> dict[str, Method]:

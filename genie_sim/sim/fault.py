@@ -9,7 +9,7 @@ from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from genie_sim.base.errors import unknown
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.marks import Bounds
 from genie_sim.sim.settings import ALL
 
@@ -28,6 +28,7 @@ FAULTS: dict[str, str] = {
     "camera": "genie_sim.faults.camera:CameraFault",
 }
 FAULT_PARTS = ("strike",)
+ANY = "car, edge or link"
 Problem = tuple[int, str, str]  # the fault's index, the field, and what is wrong with it
 Strike = Generator[Any, Any, None]  # yields events, or ``None`` to wait for the fault's end
 
@@ -66,7 +67,11 @@ class Fault:
         """Yields each problem of the scenario's faults of this kind: (the fault's index, field,
         what is wrong).
         """
-        choices = {"car": [*edge_of], "car or edge": [*edge_of, *edges]}.get(cls.befalls)
+        hosts_of = {"car": [*edge_of], "car or edge": [*edge_of, *edges], ANY: None}
+        if cls.befalls not in hosts_of:
+            text = unknown("befalls", cls.befalls, hosts_of)
+            raise UserError(f"fault {cls.__module__}:{cls.__qualname__}: {text}")
+        choices = hosts_of[cls.befalls]
         for index, entry in enumerate(faults):
             target = entry.fault.target
             if not target:

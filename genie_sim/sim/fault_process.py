@@ -45,8 +45,8 @@ def run(entry: TimedFault, network: Network, last_frame_ns: int, spans: list[Fau
         spans[number] = spans[number]._replace(end_ns=clock.now)
         if process.is_alive:
             process.interrupt("end")
-        else:
-            next(steps, None)
+        elif next(steps, steps) is not steps:
+            raise UserError(f"{owner}: strike() yields again after the fault's end")
         if between_ns is None:
             return
         if clock.now <= last_frame_ns:

@@ -1,4 +1,4 @@
-"""Links: a queue, a sender that takes its time, a delay, and losses on the way."""
+"""Links: a queue, a transmitter that takes its time, a delay, and losses on the way."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from genie_sim.sim.bends import NO_BORDER, Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
 from genie_sim.sim.encoding import Coder, ImageCodec
 from genie_sim.sim.interface import InterfaceUse
-from genie_sim.sim.link_model import Sender
+from genie_sim.sim.link_model import Transmitter
 from genie_sim.sim.monitor import Part, Span, SpanLabel
 from genie_sim.sim.ros_graph import Dropped, Graph, Subscriber, ignore_drop
 
@@ -37,11 +37,11 @@ class Transfer:
 
 
 class Link:
-    """One direction between two hosts: a queue, then the sender of a link model. It is a process.
+    """One direction between two hosts, a process: a queue, then the transmitter of a link model.
 
     Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS
-    publisher does. Messages stay in order, as with TCP. A message is lost where the sender says
-    so, or if a fault has cut the link at the moment its last bit leaves.
+    publisher does. Messages stay in order, as with TCP. A message is lost where the transmitter
+    says so, or if a fault has cut the link at the moment its last bit leaves.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Link:
         The run's clock.
     name : str
         ``FROM->TO``.
-    sender : Sender
+    transmitter : Transmitter
         One direction of a link model.
     part : {"uplink", "downlink", "edges"}
         What the time on the link counts as.
@@ -66,7 +66,7 @@ class Link:
         self,
         clock: Clock,
         name: str,
-        sender: Sender,
+        transmitter: Transmitter,
         *,
         part: Part = "edges",
         queue_length: int = 1,
@@ -78,9 +78,10 @@ class Link:
         self.drops = 0
         self.sent_bytes = 0
         self.cut_by: list[str] = []  # the faults that keep it cut now
+        self._cut_off: list[tuple[str, str]] = []  # hosts that faults keep from it, and the faults
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
-        self.sender = sender
+        self.transmitter = transmitter
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
@@ -179,8 +180,8 @@ class Link:
                     self.interface.begin(clock.now)
             self._sending = transfer
             clock.waited(transfer.path, self._queueing)
-            self.sender.random.begin(transfer.message, transfer.host)
-            yield from clock.wait(self.sender.transmit(transfer.size_bytes), self._transport)
+            self.transmitter.random.begin(transfer.message, transfer.host)
+            yield from clock.wait(self.transmitter.transmit(transfer.size_bytes), self._transport)
             self.sent_bytes += transfer.size_bytes
             if transfer.message is not None:
                 self._leave(transfer, transfer.message)
@@ -196,13 +197,13 @@ class Link:
         now_ns, size_bytes = clock.now, message.size_bytes
         if transfer.carried is not None:
             transfer.carried(message)
-        if self.cut_by:
-            self.lose(message, f"{self.name}:{self.cut_by[-1]}")
-        elif (delay_ns := self.sender.delay_ns(size_bytes, now_ns)) is None:
+        if (cause := self._cut(transfer.host)) is not None:
+            self.lose(message, f"{self.name}:{cause}")
+        elif (delay_ns := self.transmitter.delay_ns(size_bytes, now_ns)) is None:
             self.lose(message, self.name)
         else:
             self.completed += 1
-            arrival_ns = now_ns + whole(self.sender, "delay_ns()", delay_ns)
+            arrival_ns = now_ns + whole(self.transmitter, "delay_ns()", delay_ns)
             self._last_arrival_ns = max(arrival_ns, self._last_arrival_ns)
             assert transfer.deliver is not None
             clock.after(
@@ -212,20 +213,35 @@ class Link:
                 self._transport,
             )
 
-    def cut(self, cause: str) -> None:
-        """The link carries nothing from now on; it drops messages as ``NAME:cause``."""
-        self.cut_by.append(cause)
-        self.sender.set_available(False)
+    def cut(self, cause: str, host: str = "") -> None:
+        """The link carries nothing from now on, or nothing to a ``host``; it drops messages as
+        ``NAME:cause``.
+        """
+        if host:
+            self._cut_off.append((host, cause))
+        else:
+            self.cut_by.append(cause)
+            self.transmitter.set_available(False)
 
-    def restore(self, cause: str) -> None:
+    def restore(self, cause: str, host: str = "") -> None:
         """Ends a ``cut``."""
-        self.cut_by.remove(cause)
-        self.sender.set_available(not self.cut_by and self._is_connected)
+        if host:
+            self._cut_off.remove((host, cause))
+        else:
+            self.cut_by.remove(cause)
+            self.transmitter.set_available(not self.cut_by and self._is_connected)
+
+    def _cut(self, node: str) -> str | None:
+        """The fault that takes what would go to a node, ``None`` if there is none."""
+        if self.cut_by:
+            return self.cut_by[-1]
+        host = node.partition("/")[0] if self._cut_off else ""
+        return next((cause for name, cause in self._cut_off if name == host), None)
 
     def set_connected(self, is_connected: bool) -> None:
         """A hand-over takes the link away, or makes it again."""
         self._is_connected = is_connected
-        self.sender.set_available(not self.cut_by and is_connected)
+        self.transmitter.set_available(not self.cut_by and is_connected)
 
     def lose(self, message: Message, where: str) -> None:
         """A message is lost, by what ``where`` names."""

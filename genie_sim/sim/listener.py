@@ -2,6 +2,7 @@
 from.
 """
 
+from genie_sim.base.errors import short_repr
 from genie_sim.core.messages import Detections, Message
 from genie_sim.sim.connection import CarConnection
 from genie_sim.sim.method import IMAGES, OBJECTS
@@ -36,7 +37,10 @@ class CarListener(Subscriber):
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         clock, monitor = self._clock, self._monitor
-        if isinstance(message, Detections):
+        if topic == OBJECTS:
+            if not isinstance(message, Detections):
+                text = f"publishes {short_repr(message)}, but must publish Detections"
+                raise TypeError(f"{sender}: {topic}: {text}")
             monitor.answered(message, self._source(message), clock.now, clock.path)
         elif self._is_answered:
             monitor.received(message.header, clock.now)

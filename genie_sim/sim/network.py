@@ -20,7 +20,7 @@ from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
+from genie_sim.sim.link_model import LinkEnds, LinkModel, Transmitter
 from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
@@ -174,20 +174,20 @@ class Network:
         """
         if ends.name in self.links:
             raise UserError(f"link {ends.name}: there is one already")
-        sender = model.sender(self, ends)
-        what = f"link model {class_name(model)!r}: sender()"
-        require(isinstance(sender, Sender), what, sender, "a Sender")
+        transmitter = model.transmitter(self, ends)
+        what = f"link model {class_name(model)!r}: transmitter()"
+        require(isinstance(transmitter, Transmitter), what, transmitter, "a Transmitter")
         link = Link(
             self.clock,
             ends.name,
-            sender,
+            transmitter,
             part=part,
             queue_length=self._queue_length,
             dropped=dropped or self.monitor.dropped,
         )
         for target, cause in self.outages:
-            if is_at(link, target):
-                link.cut(cause)
+            if (host := cut_host(link, target)) is not None:
+                link.cut(cause, host)
         self.links[ends.name] = link
         self.resources.append(link)
         return link
@@ -227,11 +227,11 @@ class Network:
         self.resources.append(coder)
         return coder
 
-    def links_at(self, target: str) -> Iterator[Link]:
-        """The links called ``target``, or those with an end there: a car, an edge, or ``edges`` for
-        their network.
-        """
-        return (link for link in self.links.values() if is_at(link, target))
+    def _cuts(self, target: str) -> Iterator[tuple[Link, str]]:
+        """Each link that a cut at ``target`` takes, and what of it: see ``cut_host``."""
+        for link in self.links.values():
+            if (host := cut_host(link, target)) is not None:
+                yield link, host
 
     def cut(self, target: str, cause: str) -> None:
         """The links at ``target`` carry nothing from now on, those that are made later included;
@@ -241,14 +241,14 @@ class Network:
             if end not in (ALL, EDGES):
                 self._check_host(end)
         self.outages.append((target, cause))
-        for link in self.links_at(target):
-            link.cut(cause)
+        for link, host in self._cuts(target):
+            link.cut(cause, host)
 
     def restore(self, target: str, cause: str) -> None:
         """Ends what ``cut`` has begun."""
         self.outages.remove((target, cause))
-        for link in self.links_at(target):
-            link.restore(cause)
+        for link, host in self._cuts(target):
+            link.restore(cause, host)
 
     def void(self, host: str, where: str, *, keeps_memory: bool = False) -> None:
         """What is queued and in service on a host is lost, dropped by ``where``, and its nodes lose
@@ -273,6 +273,12 @@ class Network:
             raise UserError(unknown("host", host, self._host_names))
 
 
-def is_at(link: Link, target: str) -> bool:
-    """Whether a link is called ``target`` or has an end there."""
-    return target == link.name or target in link.name.split("->")
+def cut_host(link: Link, target: str) -> str | None:
+    """What of a link a cut at ``target`` takes: all (an empty text), what goes to a host, or
+    nothing (``None``). What an edge sends over the network between edges may be for the target.
+    """
+    source, _, end = link.name.partition("->")
+    if target in (link.name, source, end):
+        return ""
+    *sources, host = target.split("->")
+    return host if end == EDGES != host and sources in ([], [source]) else None

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable
 
 import simpy
 
-from genie_sim.base.errors import short_repr
+from genie_sim.base.contracts import class_name, whole
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.messages import (
     Detections,
     Effect,
@@ -75,6 +76,9 @@ class InterceptorNode(Node):
         costs: Costs = DEFAULT_COSTS,
     ) -> None:
         pure = make()
+        if not pure.name.startswith(f"{graph.name}/"):
+            text = f"is {short_repr(pure.name)}, but must begin with its host, '{graph.name}/'"
+            raise UserError(f"{class_name(pure)}: name {text}")
         threads = graph.host.device.cores
         super().__init__(
             pure.name, graph, pure.subscriptions(), pure.publications(), threads=threads
@@ -84,13 +88,14 @@ class InterceptorNode(Node):
         self._costs = costs
         self._charges_answers = costs.charge_answers
         self._observe = observe
-        self._timer_set = False
+        self._timer_ns: int | None = None  # when it is called next, if nothing comes before
         self._pending = SpanLabel("pending", pure.name)
         self._paths: OrderedDict[Header, Span] = OrderedDict()  # of the requested frames
+        self._set_timer()
 
     @property
     def is_busy(self) -> bool:
-        return self._timer_set or super().is_busy
+        return self._timer_ns is not None or super().is_busy
 
     def work(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
         costs = self._costs
@@ -112,17 +117,13 @@ class InterceptorNode(Node):
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         effects = self.pure.on_message(topic, message, self.clock.now, sender)
-        if not isinstance(effects, (list, tuple)):
-            raise TypeError(f"on_message() is {short_repr(effects)}, but must be a list of effects")
         path = self.clock.path
         if path is not None and isinstance(message, Image):
             self._paths[message.header] = path
             if len(self._paths) > MAX_PATHS:
                 self._paths.popitem(last=False)
-        self._carry_out(effects)
-        if not self._timer_set and self.pure.next_deadline_ns() is not None:
-            self._timer_set = True
-            self.clock.process(self._watch_deadlines(self.clock.path))
+        self._carry_out("on_message()", effects)
+        self._set_timer()
 
     def lose_memory(self, where: str) -> None:
         for observation in self.pure.on_memory_lost():
@@ -131,15 +132,21 @@ class InterceptorNode(Node):
             else:
                 self._observe(self.name, observation, self.clock.now)
         self.pure = self._make()
+        self._set_timer()
 
-    def _carry_out(self, effects: list[Effect]) -> None:
+    def _carry_out(self, hook: str, effects: list[Effect]) -> None:
+        if not isinstance(effects, (list, tuple)):
+            raise TypeError(f"{hook} is {short_repr(effects)}, but must be a list of effects")
         path = self.clock.path
         for effect in effects:
             if isinstance(effect, Publish):
                 self._publish_effect(effect)
                 self.clock.path = path  # that of another frame may have left
-            else:
+            elif isinstance(effect, Observation):
                 self._observe(self.name, effect, self.clock.now)
+            else:
+                text = f"{hook} has {short_repr(effect)}, but must have effects, such as Publish"
+                raise TypeError(text)
 
     def _publish_effect(self, effect: Publish) -> None:
         """Publishes a message, on the path of that which led to it, or on its own."""
@@ -176,17 +183,24 @@ class InterceptorNode(Node):
         del self._working[process]
         self.graph.publish(self, effect.topic, effect.message, effect.to)
 
-    def _watch_deadlines(self, path: Span | None) -> Steps:
-        """Tells the pure node the time when a deadline has come. Any message that comes does so,
-        too; this is for when none does.
+    def _set_timer(self) -> None:
+        """The pure node is told the time when its deadline has come. Any message that comes does
+        so, too; this is for when none does.
         """
-        clock = self.clock
-        clock.path = path
-        while (deadline_ns := self.pure.next_deadline_ns()) is not None:
-            timer = clock.timeout(max(int(deadline_ns) - clock.now, TIMER_STEP_NS))
-            yield from clock.wait(timer, self._pending)
-            self._carry_out(self.pure.on_deadline(clock.now))
-        self._timer_set = False
+        deadline_ns = self.pure.next_deadline_ns()
+        if deadline_ns is None:
+            return
+        now_ns = self.clock.now
+        timer_ns = max(whole(self.pure, "next_deadline_ns()", deadline_ns), now_ns + TIMER_STEP_NS)
+        if self._timer_ns is None or timer_ns < self._timer_ns:
+            self._timer_ns = timer_ns
+            self.clock.after(timer_ns - now_ns, self._on_timer, (timer_ns,), self._pending)
+
+    def _on_timer(self, timer_ns: int) -> None:
+        if timer_ns == self._timer_ns:  # else an earlier deadline has come in between
+            self._timer_ns = None
+            self._carry_out("on_deadline()", self.pure.on_deadline(self.clock.now))
+            self._set_timer()
 
 
 def attach(

@@ -54,7 +54,11 @@ class Graph:
         self._remapped: dict[str, dict[str, str]] = {}
 
     def register(self, node: "Node") -> None:
-        """A node announces itself and its topics to the master."""
+        """A node announces itself and its topics to the master. Raises ``UserError`` for a second
+        one of its name.
+        """
+        if node.name in self._nodes:
+            raise UserError(f"two nodes are called {node.name!r}; a camera is a node, too")
         self._nodes[node.name] = node
         self._remapped[node.name] = {}
         for topic in node.subscribes:

@@ -286,4 +286,7 @@ def _checked(field: str, config: HostConfig) -> HostConfig:
     """What a method has returned, where it is of the right type."""
     if not isinstance(config, HostConfig):
         raise TypeError(f"{field}() is {short_repr(config)}, but must be a HostConfig")
+    if isinstance(config.neighbour_topics, str):
+        text = f"is {config.neighbour_topics!r}, but must be a tuple of topics"
+        raise TypeError(f"{field}(): neighbour_topics {text}")
     return config

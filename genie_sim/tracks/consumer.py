@@ -17,7 +17,7 @@ from genie_sim.tracks.existence import ExistenceFilter
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.track_map import TrackMap
 
-REMEMBERED_FRAMES = 256
+REMEMBERED_NS = 30 * units.NS_PER_S  # for so long frames wait for their answers
 
 
 class Shown(NamedTuple):
@@ -44,7 +44,7 @@ class Consumer(ABC):
     def on_frame(self, image: Image) -> None:
         """The car took a frame, to which answers will come."""
         self._viewers[image.header] = Viewer(image.header, image.pose, image.horizontal_fov_rad)
-        if len(self._viewers) > REMEMBERED_FRAMES:
+        while next(iter(self._viewers)).stamp_ns < image.header.stamp_ns - REMEMBERED_NS:
             self._viewers.popitem(last=False)
 
     @abstractmethod

@@ -57,8 +57,7 @@ class ExistenceFilter:
         if track.sightings == 1:
             track.existence = self._laws.first(score)
             return
-        ratio = self._laws.ratio(score) ** weight
-        track.existence = p * ratio / (1.0 - p + p * ratio)
+        track.existence = _updated(p, self._laws.ratio(score) ** weight)
 
     def doubt(self, track: Track, range_m: float, header: Header) -> None:
         """A detector looked at the object, so far away, and did not find it."""
@@ -68,8 +67,7 @@ class ExistenceFilter:
         if weight == 1.0:
             track.existence = p * (1.0 - detection) / (1.0 - p * detection)
         else:
-            ratio = (1.0 - detection) ** weight
-            track.existence = p * ratio / (1.0 - p + p * ratio)
+            track.existence = _updated(p, (1.0 - detection) ** weight)
 
     def _weight(self, track: Track, stamp_ns: int) -> float:
         """How much of a look is news after the one before it, from 0 to 1."""
@@ -91,3 +89,11 @@ def _log_survival(track: Track) -> float:
     if track.moving:
         return LOG_MOVING
     return LOG_PARKED if track.parked else LOG_UNKNOWN
+
+
+def _updated(p: float, ratio: float) -> float:
+    """A probability after evidence of a likelihood ratio, by Bayes' rule; evidence against what was
+    certain counts for nothing.
+    """
+    total = 1.0 - p + p * ratio
+    return p * ratio / total if total else p

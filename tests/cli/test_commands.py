@@ -27,38 +27,18 @@ edges:
   - {name: edge1, device: agx_xavier}
 """
 
-BAD = {
-    "a misspelt field": (
-        "methods:",
-        "methdos:",
-        "s.yaml: methdos: unknown field; did you mean 'methods'?",
-    ),
-    "a route past the end": (
-        "[0 s, 1 s]",
-        "[90 s, 91 s]",
-        "cars[0].route.window: no camera takes a frame in it",
-    ),
-    "a route that goes on after the end": (
-        "[0 s, 1 s]",
-        "[9 s, 19 s]",
-        "cars[0].route.window: ends at 19 s, after the last frame",
-    ),
-    "a route between two frames": (
-        "[0 s, 1 s]",
-        "[10 ms, 20 ms]",
-        "cars[0].route.window: no camera takes a frame in it; kitti_0005 has frames from 0",
-    ),
-    "an unknown recording": (
-        "methods:",
-        "cameras: [{name: a, recording: '07'}]\nmethods:",
-        "cameras[0].recording: unknown recording '07'",
-    ),
-}
+# The settings of a scenario are those of tests/scenario/test_mistakes.py.
+BAD = [
+    ("jetson_tx2", "jetson_tx3", "s.yaml: cars[0].device: unknown device 'jetson_tx3'"),
+    ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: no camera takes a frame in it"),
+    ("[0 s, 1 s]", "[9 s, 19 s]", "cars[0].route.window: ends at 19 s, after the last frame"),
+    ("[0 s, 1 s]", "[10 ms, 20 ms]", "cars[0].route.window: no camera takes a frame in it"),
+    ("\nmethods", "\ncameras: [{name: a, recording: '07'}]\nmethods", "cameras[0].recording: unk"),
+]
 
 
-@pytest.mark.parametrize("mistake", BAD)
-def test_a_mistake_in_a_scenario_gets_one_line_and_status_1(mistake, capsys):
-    right, wrong, message = BAD[mistake]
+@pytest.mark.parametrize(("right", "wrong", "message"), BAD)
+def test_a_mistake_in_a_scenario_gets_one_line_and_status_1(right, wrong, message, capsys):
     Path("s.yaml").write_text(GOOD.replace(right, wrong, 1))
     assert main(["run", "s.yaml"]) == 1
     _one_line(capsys, message)

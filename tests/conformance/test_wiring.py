@@ -15,8 +15,8 @@ UP, DOWN = IMAGES + "-up", OBJECTS + "-up"
 class Relay(own.Interceptor):
     """Subscribes to and publishes what a test chooses, and does nothing."""
 
-    def __init__(self, *topics):
-        self.name = "car1/relay"
+    def __init__(self, host, *topics):
+        self.name = f"{host}/relay"
         self.topics = topics
 
     def subscriptions(self):
@@ -29,8 +29,8 @@ class Relay(own.Interceptor):
         return []
 
 
-def relay(subscriptions, publications):
-    return lambda *_: Relay(subscriptions, publications)
+def relay(subscriptions, publications, host="car1"):
+    return lambda *_: Relay(host, subscriptions, publications)
 
 
 MISTAKES = {
@@ -57,7 +57,7 @@ MISTAKES = {
     ),
     "no answers from the edge": (
         HostConfig(uplink=UplinkTopics(IMAGES, OBJECTS)),
-        HostConfig(interceptor=relay((IMAGES,), ("/else",))),
+        lambda host: HostConfig(interceptor=relay((IMAGES,), ("/else",), host.name)),
         "car1 gets no answers: nothing on edge1 publishes .*/objects",
     ),
     "a detector without frames": (

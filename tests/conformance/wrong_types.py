@@ -6,6 +6,8 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+from genie_sim.core.messages import Publish
+from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig
 from tests.conformance import own, small
 
 OWN = "tests.conformance.own"
@@ -86,16 +88,59 @@ CASES = {
     ),
     "text for a time": (
         RADIO,
-        own.RadioSender,
+        own.RadioTransmitter,
         "occupied_ns",
         returns("5"),
         "occupied_ns() is '5'",
     ),
-    "true for a time": (RADIO, own.RadioSender, "occupied_ns", returns(True), "() is True, but"),
-    "half a nanosecond": (RADIO, own.RadioSender, "delay_ns", returns(1.5), "delay_ns() is 1.5"),
-    "ages": (RADIO, own.RadioSender, "delay_ns", returns(2**70), "delay_ns() is 1180591620717411"),
+    "true for a time": (
+        RADIO,
+        own.RadioTransmitter,
+        "occupied_ns",
+        returns(True),
+        "() is True, but",
+    ),
+    "half a nanosecond": (
+        RADIO,
+        own.RadioTransmitter,
+        "delay_ns",
+        returns(1.5),
+        "delay_ns() is 1.5",
+    ),
+    "ages": (
+        RADIO,
+        own.RadioTransmitter,
+        "delay_ns",
+        returns(2**70),
+        "delay_ns() is 1180591620717411",
+    ),
     "before now": (FEW, own.OwnEviction, "expires_ns", returns(-1), "expires_ns() is -1, but must"),
     "never": (FEW, own.OwnEviction, "expires_ns", returns(math.nan), "expires_ns() is nan"),
+    "no effect": (METHOD, own.Latest, "on_message", returns(["x"]), "on_message() has 'x', but"),
+    "no deadline": (METHOD, own.Latest, "next_deadline_ns", returns(math.inf), "() is inf, but"),
+    "no answer": (
+        METHOD,
+        own.Latest,
+        "on_message",
+        lambda node, topic, message, *_: [Publish(OBJECTS, message)] if topic == IMAGES else [],
+        "objects: publishes Image(",
+    ),
+    "no host": (METHOD, own.Latest, "__init__", own.nameless, "name is 'again', but must"),
+    "a topic for topics": (
+        METHOD,
+        own.Again,
+        "on_edge",
+        returns(HostConfig(detector=True, neighbour_topics=OBJECTS)),
+        "but must be a tuple of topics",
+    ),
+    "befalls": (
+        {"faults": [{**FAULT, "fault": f"{OWN}:Crash"}]},
+        own.Crash,
+        "befalls",
+        "edge",
+        "unknown befalls 'edge'",
+    ),
+    "after its end": (STRUCK, own.Blackout, "strike", own.strikes_twice, "yields again after"),
     "a stranger": (FEW, own.OwnEviction, "victim", returns("x"), "victim() is 'x', but must be a"),
 }
 
@@ -108,8 +153,8 @@ HOOKS = (
     (FEW, own.OwnEviction, "stored used removed victim expires_ns"),
     (ALIKE, own.OwnSimilarity, "key index"),
     (STRUCK, own.Blackout, "strike check duration_ns dropped_by"),
-    (RADIO, own.Radio, "sender digests"),
-    (RADIO, own.RadioSender, "occupied_ns delay_ns transmit"),
+    (RADIO, own.Radio, "transmitter digests"),
+    (RADIO, own.RadioTransmitter, "occupied_ns delay_ns transmit"),
     (METHOD, own.Again, "on_car on_edge title baseline feature wire"),
     (METHOD, own.Latest, "on_message subscriptions publications void name"),
 )

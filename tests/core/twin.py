@@ -65,8 +65,10 @@ class Twin:
         role = "client" if requester == "client" else "neighbour"
         if picture in self.cache:
             return [("looks up", header, "hit", role), *self.replays(picture, header, requester)]
-        if any(header == one["header"] or header in one["clients"] for one in self.waiting):
+        same = [one for one in self.waiting if header in (one["header"], *one["clients"])]
+        if any(one["clients"] or role == "neighbour" for one in same):
             return []  # the seen-set
+        self.waiting = [one for one in self.waiting if one not in same]  # a neighbour's, noted
         request = {
             "since_ns": now_ns,
             "header": header,

@@ -143,6 +143,17 @@ def test_a_partition_separates_its_hosts_from_all_others_only():
     assert not frames["drop"].str.endswith(":partition", na=False).any()
 
 
+def test_an_outage_of_an_edge_goes_both_ways():
+    """What other edges send goes to all of their neighbours but the one that is cut off."""
+    fault = {"fault": "outage", "target": "edge1", "begin": "0 s", "end": "1.5 s"}
+    edges = [{"name": f"edge{number}", "device": "agx_xavier"} for number in (1, 2, 3)]
+    world, tables = small.world(small.scenario(["genie"], edges=edges, faults=[fault]))
+    world.run()
+    lookups = tables["lookups"].to_frame()
+    lookups = lookups[lookups["car"] == "car2"].groupby("genie", observed=True)["t_ns"].min()
+    assert lookups["edge3/genie"] < 0.5 * S < 1.5 * S <= lookups["edge1/genie"]
+
+
 def test_a_warm_crash_keeps_what_a_genie_knows_and_a_cold_one_does_not():
     for memory, keeps in (("warm", True), ("cold", False)):
         fault = {

@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from genie_sim.scenario.faults import timed
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.fault_process import run
+from tests.conformance import small
 
 MS = 1_000_000
 BEGIN_NS = 700 * MS
@@ -49,6 +51,17 @@ def recurring(until_ns: int, seed: int = 1) -> Noted:
         mean_time_between_ns=BETWEEN_NS,
         mean_duration_ns=DURATION_NS,
     )
+
+
+def test_a_fault_draws_by_itself_whatever_else_goes_wrong():
+    slow = {"fault": "slow", "target": "edge1", "factor": 2.0}
+    slow |= {"mean_time_between": "1 s", "mean_duration": "1 s"}
+    stall = {"fault": "stall", "target": "car1", "begin": "0 s", "end": "1 s"}
+    names = [
+        [fault.name for fault in timed(small.scenario(["genie"], faults=faults).faults)]
+        for faults in ([slow], [stall, slow], [slow, slow])
+    ]
+    assert names[1][1] == names[0][0] == names[2][0] != names[2][1]
 
 
 def test_once():

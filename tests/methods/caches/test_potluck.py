@@ -77,6 +77,10 @@ def test_what_saves_least_per_byte_goes_first():
     # two uses of the large one are less per byte than one of the small one
     cache.put(at(2.0), TOPIC, answer(), 3)
     assert [cache.get(at(x), 4) is not None for x in (0.0, 1.0, 2.0)] == [True, False, True]
+    cache.put(at(2.0), TOPIC, answer(), 3 * 10**10)  # its first answer is over
+    for place in (3.0, 4.0):
+        cache.put(at(place), TOPIC, answer(), 3 * 10**10)
+    assert len(cache) == 2
 
 
 def test_any_number_of_answers_may_be_over_at_once():
