@@ -1,7 +1,7 @@
 """The four kinds of results, as they are read from their folders."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +32,7 @@ class _OfRuns(Result):
         """
         import pandas as pd
 
-        return pd.DataFrame([asdict(metric) for metric in self._self.measured])
+        return pd.DataFrame(self._self.measured, columns=results.METRIC_FIELDS)
 
     @property
     def _self(self) -> "Run | Runs":

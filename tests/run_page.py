@@ -2,8 +2,9 @@
 
 - A block with a ``title`` is a file: it is written, not run. ``` ```yaml title="town.yaml" ```
 - ``python`` blocks share one namespace; a ``text`` block right below one shows what it prints.
-- ``bash`` and ``console`` blocks are those of the README (``test_readme``): a line ``...`` stands
-  for any lines.
+- A ``bash`` block is one script. In a ``console`` block each ``$ command`` is run, and the lines
+  below it are compared with its output: a line ``...`` stands for any lines, ``...`` within a line
+  for any text.
 - ``<!-- not run: reason -->`` above a block leaves it out, ``<!-- needs VARIABLE -->`` where that
   is not set.
 

@@ -77,7 +77,7 @@ def test_every_figure_draws(run, runs, name):
     which = ("first_answer_mean",) if name == "metric" else ()
     for what in (runs,) if name == "differences" else (run, runs):
         assert isinstance(getattr(what.plot, name)(*which), Figure)
-    if name in ("time_parts", "differences"):
+    if name == "differences":
         return
     figure, (left, right) = plt.subplots(1, 2)
     assert getattr(runs.plot, name)(*which, ax=right) is figure
@@ -92,8 +92,6 @@ def test_a_figure_of_what_is_not_there_is_refused_in_one_line(run):
     )
     with pytest.raises(gs.UserError, match="latency_accuracy: these results have nothing"):
         little.plot.latency_accuracy()
-    with pytest.raises(gs.UserError, match="time_parts: these results have nothing"):
-        little.plot.time_parts()
 
 
 def test_the_wide_table_has_a_column_a_method_and_the_long_one_s_values(run):

@@ -15,13 +15,13 @@ second. A sweep alone, of two rates, is also four: at each rate ``genie`` is com
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair
-from genie_sim.analysis.metrics import of_method, samples, with_formulas
+from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair, of_method
+from genie_sim.analysis.metrics import samples, with_formulas
 from genie_sim.analysis.registry import Words, definition, shown
 from genie_sim.analysis.seed_runs import means_of, seeds_text
 from genie_sim.analysis.statistics import around, mean_and_spread
@@ -517,7 +517,7 @@ def as_metrics(
         for metric in runs[0].measured if len(runs) == 1 else means_of(runs):
             is_whole = (metric.placement, metric.component) == ("all", "")
             if metric.method == arm.method.name and (names or is_whole):
-                by_name.setdefault(metric.metric, []).append(replace(metric, method=arm.label))
+                by_name.setdefault(metric.metric, []).append(metric._replace(method=arm.label))
         of_arm = (
             metric for name in names or comparison.metrics for metric in by_name.get(name, ())
         )

@@ -42,7 +42,7 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
     arms = {arm.label: arm for arm in comparison.arms}
     for metric in as_metrics(comparison)[0]:
         arm = arms[metric.method]
-        number = replace(metric, method=arm.method.name)
+        number = metric._replace(method=arm.method.name)
         yield (arm.setting, *number.of_seed(arm.seed), "", "", "")
     for row in comparison.rows:
         if row.against is not None and row.difference is not None:

@@ -19,10 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import compared
 from genie_sim.analysis.drawing import draw_band, finish_panel, in_style, one_panel
-from genie_sim.analysis.frame_metrics import PART
 from genie_sim.analysis.genie_metrics import (
     images,
     objects,
@@ -78,8 +76,8 @@ def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figu
 
 def makers(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Callable[..., Figure]]:
     """What draws each figure of one run, or of several seeds with their paired differences, by file
-    name; figures of what was not simulated or recorded are left out. All but ``time_parts`` and
-    ``differences`` also draw into a panel, ``ax``.
+    name; figures of what was not simulated or recorded are left out. All but ``differences`` also
+    draw into a panel, ``ax``.
 
     Parameters
     ----------
@@ -96,8 +94,6 @@ def makers(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Call
     if drawable(run.measured):
         drawn["latency_accuracy"] = partial(latency_accuracy, run.measured, *about)
     drawn["latency_cdf"] = partial(latency_cdf, frames, *about)
-    if any(metric.metric in PART.values() for metric in run.measured):
-        drawn["time_parts"] = partial(time_parts, run.measured, *about)
     if busiest(run.measured):
         drawn["resources"] = partial(resource_use, run.measured, *about)
     if any(map(len, lookups)):

@@ -1,6 +1,4 @@
-"""Metrics of published frames: response times, what became of them, improvements, and what each
-part of a frame's way takes of the response times.
-"""
+"""Metrics of published frames: response times, what became of them, and improvements."""
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -32,8 +30,6 @@ from genie_sim.record.columns import Columns, Floats
 
 TIMES, FRAMES_SECTION, IMPROVEMENTS = "Response times", "Published frames", "Improvements"
 ANSWER_TITLES = {"first": "first answer", "fresh": "fresh result"}  # as titles and meanings say
-# what each part of a mean took, by answer
-PART = {"first": "first_answer_part", "fresh": "fresh_answer_part"}
 SPAN = "from the camera's stamp of a frame to its"
 
 
@@ -44,33 +40,10 @@ class PairedFrames(NamedTuple):
     theirs: Columns
 
 
-class PartOfTime(NamedTuple):
-    """What a part took of all frames that got an answer [ns], and how many these are."""
-
-    answer: str
-    sum_ns: float
-    n: int
-
-
 def views(tables: MethodTables) -> Iterator[Given]:
-    """The frames of a method, and each part of the time of its answers, as component."""
-    if "frames" not in tables:
-        return
-    frames = tables["frames"]
-    yield Given("frames", frames)
-    for answer in ANSWER_TITLES if "steps" in tables else ():
-        n = int((~np.isnan(frames.floats(f"{answer}_answer_ns"))).sum())
-        steps = tables["steps"]
-        steps = steps.rows(steps["which"].isin((answer, "both")))
-        parts = steps["part"]
-        sums_ns = np.bincount(parts.codes, steps["end_ns"] - steps["begin_ns"], len(parts.names))
-        of_parts = dict(zip(parts.names, sums_ns.tolist(), strict=True))
-        answered = frames.rows(is_answered(frames, answer))
-        to_first_node_ns = float((answered.floats("received_ns") - answered["stamp_ns"]).sum())
-        of_parts["hop"] = of_parts.get("hop", 0.0) + to_first_node_ns
-        for part, sum_ns in of_parts.items():
-            if n and sum_ns:
-                yield Given("parts", PartOfTime(answer, sum_ns, n), component=part)
+    """The frames of a method."""
+    if "frames" in tables:
+        yield Given("frames", tables["frames"])
 
 
 def pairs(tables: MethodTables, baselines: Mapping[str, MethodTables]) -> Iterator[Given]:
@@ -121,18 +94,6 @@ def _share(
     )
 
 
-def _in_time(answer: str, tier: int) -> Metric:
-    title = f"{ANSWER_TITLES[answer]} within {DEADLINE_MS:g} ms"
-    return _share(
-        title,
-        HIGHER,
-        f"with a {title}",
-        lambda frames: response_ms(frames, answer) < DEADLINE_MS,
-        section=TIMES,
-        tier=tier,
-    )
-
-
 def _improvement(pair: PairedFrames) -> Estimate:
     samples: list[Sample] = [mean_of(frames, response_ms(frames, "first")) for frames in pair]
     counts = [int(sample.below.sum()) for sample in samples]
@@ -148,25 +109,26 @@ def _improvement(pair: PairedFrames) -> Estimate:
     return Estimate(value, *around(value, half), min(counts))
 
 
-def _part(part: PartOfTime, answer: str) -> Estimate | None:
-    """Over all frames that got the answer; the parts add up to the mean response time."""
-    return Estimate(part.sum_ns / part.n / NS_PER_MS, n=part.n) if part.answer == answer else None
-
-
-def _answers(answer: str, tiers: Mapping[str, int], in_time: int) -> dict[str, Metric]:
-    """The times until an answer, and the share of frames that have it in time."""
+def _times(answer: str, tiers: Mapping[str, int]) -> dict[str, Metric]:
+    """The times until an answer."""
     title = ANSWER_TITLES[answer]
     of_statistics = times(
         title, f"{SPAN} {title}.", partial(response_ms, answer=answer), tiers, section=TIMES
     )
-    of_answer = {f"{answer}_answer_{name}": metric for name, metric in of_statistics}
-    share_in_time = "under_deadline_share" if answer == "first" else "fresh_under_deadline_share"
-    return of_answer | {share_in_time: _in_time(answer, in_time)}
+    return {f"{answer}_answer_{name}": metric for name, metric in of_statistics}
 
 
 METRICS = {
-    **_answers("first", {"mean": HEADLINE, "p50": REST, "p95": MAIN, "p99": REST}, SHORT),
-    **_answers("fresh", {"mean": SHORT}, REST),
+    **_times("first", {"mean": HEADLINE, "p50": REST, "p95": MAIN, "p99": REST}),
+    "under_deadline_share": _share(
+        f"first answer within {DEADLINE_MS:g} ms",
+        HIGHER,
+        f"with a first answer within {DEADLINE_MS:g} ms",
+        lambda frames: response_ms(frames, "first") < DEADLINE_MS,
+        section=TIMES,
+        tier=SHORT,
+    ),
+    **_times("fresh", {"mean": SHORT}),
     "fresh_answered_share": _share(
         "frames with a fresh result",
         HIGHER,
@@ -214,15 +176,4 @@ METRICS = {
         kind="pairs",
         is_signed=True,
     ),
-    **{
-        name: Metric(
-            f"part of the {ANSWER_TITLES[answer]}",
-            "ms",
-            LOWER,
-            meaning=f"Mean time that a part takes {SPAN} {ANSWER_TITLES[answer]}.",
-            formula=partial(_part, answer=answer),
-            kind="parts",
-        )
-        for answer, name in PART.items()
-    },
 }

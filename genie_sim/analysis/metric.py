@@ -35,6 +35,12 @@ HEADLINE, SHORT, MAIN, REST = range(4)  # tiers
 MethodTables = Mapping[str, Columns]  # of one method, by name
 
 
+def of_method(tables: MethodTables, method: str) -> dict[str, Columns]:
+    """Those rows of each table that are of one method; no tables without any."""
+    of_one = {name: table.where(method=method) for name, table in tables.items() if len(table)}
+    return {name: table for name, table in of_one.items() if len(table)}
+
+
 class Given(NamedTuple):
     """What a formula is given: rows of this kind, in a placement and of a component."""
 

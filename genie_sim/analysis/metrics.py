@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import frame_metrics
-from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample
+from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample, of_method
 from genie_sim.analysis.registry import METRICS, MODULES, OWN, WORDS, check_words
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.base import plugins
@@ -148,12 +148,6 @@ def compute(
     return measured
 
 
-def of_method(tables: MethodTables, method: str) -> dict[str, Columns]:
-    """Those rows of each table that are of one method; no tables without any."""
-    of_one = {name: table.where(method=method) for name, table in tables.items() if len(table)}
-    return {name: table for name, table in of_one.items() if len(table)}
-
-
 def views(tables: MethodTables) -> Iterator[Given]:
     """What formulas are given, of the tables of one method."""
     for module in MODULES:
@@ -211,8 +205,7 @@ def _finite(name: str, field: str, number: Any) -> Any:
 
 def rounded(metric: MetricValue) -> MetricValue:
     """A metric with its numbers as they are written down."""
-    return replace(
-        metric,
+    return metric._replace(
         value=_ten(metric.value),
         low=_ten(metric.low),
         high=_ten(metric.high),

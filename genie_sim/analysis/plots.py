@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Plots:
     """Each figure that ``genie-sim figures`` draws, by its name: ``latency_cdf()``, and so on
     (``dir`` has them all). It is a matplotlib ``Figure``; with ``ax`` it is drawn into that panel
-    of yours, unless it has several (``time_parts``, ``differences``). Of several seeds, figures
+    of yours, unless it has several (``differences``). Of several seeds, figures
     show means with 95 % intervals.
     """
 

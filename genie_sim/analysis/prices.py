@@ -22,19 +22,19 @@ from genie_sim.analysis.metric import (
     MethodTables,
     Metric,
     Sample,
+    of_method,
     quotient,
 )
 from genie_sim.analysis.statistics import Estimate
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
+from genie_sim.record.results import Run
 
 BITS_PER_MEGABIT = 10**6
 Key = tuple[str, str, str]  # kind, name and part of a power
 ENDS = ("value", "low", "high")
 PRICES = "Prices"
 READ = ("frames", "hosts", "power")  # the tables
-
-
 INSTANTS = ("stamp_ns", "first_answer_ns", "fresh_answer_ns", "result_answer_ns")
 
 
@@ -189,12 +189,6 @@ METRICS = {
         lambda hosts: Estimate(hosts.sum("accelerator_ns", NS_PER_S), n=len(hosts.hosts)),
         tier=MAIN,
     ),
-    "cpu_time": _of_hosts(
-        "CPU time",
-        "s",
-        "Time that CPU cores worked, summed over them.",
-        lambda hosts: Estimate(hosts.sum("cpu_ns", NS_PER_S), n=len(hosts.hosts)),
-    ),
     "batch_size": _of_hosts(
         "pictures per batch",
         "pictures",
@@ -212,13 +206,15 @@ METRICS = {
 }
 
 
-def unknown_powers(runs: Sequence[MethodTables], methods: Sequence[str]) -> list[str]:
-    """The devices and interfaces of some runs without known power."""
+def unknown_powers(runs: Sequence[Run]) -> list[str]:
+    """A sentence that names the devices and interfaces without known power; none where all are
+    known.
+    """
     unknown: dict[str, None] = {}
-    for tables in runs:
-        for method in methods:
-            of_method = {name: tables[name].where(method=method) for name in READ if name in tables}
-            for given in views({name: rows for name, rows in of_method.items() if len(rows)}):
+    for run in runs:
+        tables = {name: run.tables[name] for name in READ if name in run.tables}
+        for method in run.methods:
+            for given in views(of_method(tables, method.name)):
                 hosts: Hosts = given.rows
                 unknown.update(dict.fromkeys(energy(hosts.hosts, hosts.power).unknown))
-    return list(unknown)
+    return [f"Not known: the power of {', '.join(unknown)}."] if unknown else []

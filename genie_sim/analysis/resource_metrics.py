@@ -1,9 +1,7 @@
-"""Metrics of devices, links and queues, each of which is the component of its numbers.
+"""The use of devices and links, each of which is the component of its numbers.
 
-Utilization, mean queue and throughput are those of the time in which their host takes frames: of a
-car and its links from its start to its last frame, of an edge until the last frame of all, both
-between two samples. What is dropped counts until the end of the run. Queues are counted at each
-change, not at samples.
+It is that of the time in which their host takes frames: of a car and its links from its start to
+its last frame, of an edge until the last frame of all, both between two samples.
 """
 
 import re
@@ -26,31 +24,13 @@ AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|/.*)$")
 
 
 class Use(NamedTuple):
-    """The samples of one resource in order of time, from when to when its host takes frames, and
-    when the warm-up ended [ns].
+    """The samples of one resource in order of time, and from when to when its host takes frames
+    [ns].
     """
 
     samples: Columns
     begin_ns: float
     end_ns: float
-    counted_ns: float
-
-    def grown(self, column: str, begin_ns: float, end_ns: float = np.inf) -> float:
-        """How much a count grew; before its first sample it was 0."""
-        counts = np.concatenate([[0], self.samples[column]])
-        ends = np.searchsorted(self.samples["t_ns"], [begin_ns, end_ns], side="right")
-        return float(np.diff(counts[ends])[0])
-
-    def rate(self, column: str, capacity: float = 1.0) -> Estimate | None:
-        """Growth per second while its host takes frames; ``None`` without a capacity or a time."""
-        seconds = (self.end_ns - self.begin_ns) / NS_PER_S
-        if np.isnan(capacity) or not seconds > 0:
-            return None
-        unit = NS_PER_S if column.endswith("_ns") else 1
-        t_ns = self.samples["t_ns"]
-        n = int(((t_ns >= self.begin_ns) & (t_ns <= self.end_ns)).sum())
-        growth = self.grown(column, self.begin_ns, self.end_ns) / unit
-        return Estimate(growth / (capacity * seconds), n=n)
 
 
 def views(tables: MethodTables) -> Iterator[Given]:
@@ -77,7 +57,7 @@ def views(tables: MethodTables) -> Iterator[Given]:
         within = instants_ns[(instants_ns >= begin_ns) & (instants_ns <= end_ns)]
         begin_ns, end_ns = (within[0], within[-1]) if len(within) else (0.0, 0.0)
         placement = "car" if hosts_of[0] in driven else "edge"
-        use = Use(samples, float(begin_ns), float(end_ns), counted_ns)
+        use = Use(samples, float(begin_ns), float(end_ns))
         yield Given("resources", use, "all" if len(hosts_of) > 1 else placement, name)
 
 
@@ -92,11 +72,16 @@ def busiest(metrics: Iterable[MetricValue]) -> list[str]:
 
 
 def _utilization(use: Use) -> Estimate | None:
-    return use.rate("busy_ns", float(use.samples.floats("capacity")[-1]))
-
-
-def _dropped(use: Use) -> Estimate:
-    return Estimate(int(use.grown("dropped", use.counted_ns)), n=len(use.samples))
+    """``None`` for a queue, which has no capacity, and where no time passes."""
+    seconds = (use.end_ns - use.begin_ns) / NS_PER_S
+    capacity = float(use.samples.floats("capacity")[-1])
+    if np.isnan(capacity) or not seconds > 0:
+        return None
+    t_ns = use.samples["t_ns"]
+    n = int(((t_ns >= use.begin_ns) & (t_ns <= use.end_ns)).sum())
+    busy_ns = np.concatenate([[0], use.samples["busy_ns"]])  # nothing before the first sample
+    before, until = busy_ns[np.searchsorted(t_ns, [use.begin_ns, use.end_ns], side="right")]
+    return Estimate(float(until - before) / NS_PER_S / (capacity * seconds), n=n)
 
 
 METRICS = {
@@ -104,34 +89,11 @@ METRICS = {
         "utilization",
         "%",
         LOWER,
+        "Use of devices and links",
         meaning="Share of the time in which a device or link works; on a car, of the time in which "
         "it drives.",
         formula=_utilization,
         kind="resources",
         tier=MAIN,
-    ),
-    "queue_mean": Metric(
-        "queue length, mean",
-        "messages",
-        LOWER,
-        meaning="Mean number of messages that wait, over time; on a car, over the time in which it "
-        "drives.",
-        formula=lambda use: use.rate("queue_ns"),
-        kind="resources",
-    ),
-    "throughput": Metric(
-        "throughput",
-        "1/s",
-        meaning="Messages completed per second; on a car, of the time in which it drives.",
-        formula=lambda use: use.rate("completed"),
-        kind="resources",
-    ),
-    "dropped": Metric(
-        "messages dropped",
-        "messages",
-        LOWER,
-        meaning="Messages dropped until the end.",
-        formula=_dropped,
-        kind="resources",
     ),
 }

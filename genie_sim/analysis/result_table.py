@@ -19,8 +19,6 @@ class Cell(NamedTuple):
         In the unit that is shown. NaN is not defined; ``None``: there is no such number.
     low, high : float or None
         The ends of its interval. Without a value, the cell is the interval alone.
-    unit : str
-        What follows the number; empty where the row's title says it.
     sign : str
         ``+`` writes the sign of positive numbers, too.
     """
@@ -28,7 +26,6 @@ class Cell(NamedTuple):
     value: float | str | None = None
     low: float | None = None
     high: float | None = None
-    unit: str = ""
     sign: str = ""
 
     @property
@@ -42,7 +39,7 @@ class Cell(NamedTuple):
         return isinstance(self.value, str) or not (self.value is None or math.isnan(self.value))
 
     def text(self, intervals: bool = True) -> str:
-        """Three digits, the unit, and the interval in brackets."""
+        """Three digits, and the interval in brackets."""
         if isinstance(self.value, str):
             return self.value
         ends = ""
@@ -51,7 +48,7 @@ class Cell(NamedTuple):
             ends = f"{low} to {high}"
         if self.value is None or math.isnan(self.value):
             return ends or UNKNOWN
-        text = f"{number_text(self.value, sign=self.sign)} {self.unit}".rstrip()
+        text = number_text(self.value, sign=self.sign)
         return f"{text} ({ends})" if ends else text
 
 

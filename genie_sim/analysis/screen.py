@@ -8,7 +8,7 @@ import numpy as np
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
-from genie_sim.analysis.summary import about_seeds, main_table, short_table
+from genie_sim.analysis.summary import about_seeds, printed_table
 from genie_sim.base.text import number_text, one_line
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
@@ -53,7 +53,7 @@ def text(run: Run | SeedRuns, width: int = 80, metrics: Sequence[str] | None = N
     all rows); of several seeds with intervals. Lines have at most ``width`` characters, from 40 on.
     Raises ``UserError`` for a metric that is not known.
     """
-    table = short_table(run) if metrics is None else main_table(run, metrics)
+    table = printed_table(run, metrics)
     if isinstance(run, SeedRuns):
         table = replace(table, notes=[about_seeds(run), *table.notes])
     lines = textwrap.wrap(header(run), width, subsequent_indent="  ")

@@ -4,7 +4,7 @@ seeds, with 95 % t intervals.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from genie_sim.analysis.registry import Words, checked_words
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance, results
-from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 
 SWEEP_FILE = "sweep.json"  # what a study says of itself
@@ -91,7 +90,7 @@ def means_of(runs: Sequence[Run]) -> list[MetricValue]:
     """The numbers of runs that differ in nothing but the seed as one run's."""
     import pandas as pd
 
-    rows = [{**asdict(metric), "seed": run.seed} for run in runs for metric in run.measured]
+    rows = [{**metric._asdict(), "seed": run.seed} for run in runs for metric in run.measured]
     numbers = ("value", "range_low", "range_high")
     means = across_seeds(
         pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)), [], own=runs[0].words
@@ -136,11 +135,6 @@ def _with_methods(run: Run, names: Sequence[str]) -> Run:
         facts={**run.facts, "methods": [by_name[name] for name in dict.fromkeys(names)]},
         measured=[metric for metric in run.measured if metric.method not in left_out],
     )
-
-
-def tables_of_runs(run: Run | SeedRuns) -> list[Mapping[str, Columns]]:
-    """The tables of a run, or of each run of several seeds."""
-    return [of_seed.tables for of_seed in run.runs]
 
 
 def seeds_text(seeds: Sequence[int]) -> str:

@@ -68,7 +68,6 @@ RUN_FIGURES: dict[str, tuple[str, ...]] = {
     "object_reuse": (RUN, SEEDS),
     "confidence_boost": (RUN, SEEDS),
     "resources": (RUN, SEEDS),
-    "time_parts": (),
 }
 COLOURS = (
     "#E69F00",
@@ -113,18 +112,17 @@ DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
 LINES = len(COLOURS) * len(DASHES)  # of methods that differ in colour or dashes
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-# What a response time goes into: its name, and a light tone of no method's (after Paul Tol) and a
-# hatch; of lines alone, for circles take half a megabyte of an SVG.
-PARTS: dict[str, tuple[str, dict[str, Any]]] = {
-    "queueing": ("queueing", {"facecolor": "#DDDDDD", "hatch": ""}),
-    "pending": ("equal frame pending", {"facecolor": "#FFFFFF", "hatch": "xxxx"}),
-    "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": "\\\\\\\\"}),
-    "hop": ("IPC", {"facecolor": "#FFAABB", "hatch": "||||"}),
-    "encoding": ("encoding", {"facecolor": "#BBCC33", "hatch": "++++"}),
-    "uplink": ("uplink", {"facecolor": "#EEDD88", "hatch": "////"}),
-    "inference": ("inference", {"facecolor": "#44BB99", "hatch": ""}),
-    "edges": ("network of edges", {"facecolor": "#99DDFF", "hatch": "----"}),
-    "downlink": ("downlink", {"facecolor": "#EE8866", "hatch": "xx"}),
+# What a response time goes into: its name, and a light tone of no method's (after Paul Tol).
+PARTS = {
+    "queueing": ("queueing", "#DDDDDD"),
+    "pending": ("equal frame pending", "#FFFFFF"),
+    "genie": ("Genie or cache", "#77AADD"),
+    "hop": ("IPC", "#FFAABB"),
+    "encoding": ("encoding", "#BBCC33"),
+    "uplink": ("uplink", "#EEDD88"),
+    "inference": ("inference", "#44BB99"),
+    "edges": ("network of edges", "#99DDFF"),
+    "downlink": ("downlink", "#EE8866"),
 }
 PLACEMENTS = {"car": "on cars", "edge": "on edges"}
 PLACEMENT_LINES: dict[str, dict[str, Any]] = {  # about the Genies there

@@ -1,19 +1,16 @@
 """The results of a run as tables: that for a terminal and for papers, those of ``summary.md``."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from genie_sim.analysis import correctness, prices, renderers
+from genie_sim.analysis import correctness, outages, prices, renderers
 from genie_sim.analysis.compare import no_value
-from genie_sim.analysis.correctness import CORRECTNESS, LAPS
-from genie_sim.analysis.frame_metrics import FRAMES_SECTION, IMPROVEMENTS, TIMES
-from genie_sim.analysis.genie_metrics import GENIES, of_clients
+from genie_sim.analysis.frame_metrics import TIMES
+from genie_sim.analysis.genie_metrics import of_clients
 from genie_sim.analysis.metric import MAIN, RECENT_MS, SHORT, Metric
-from genie_sim.analysis.outages import FAULTS_SECTION
 from genie_sim.analysis.registry import (
     METRICS,
-    OWN,
     cell,
     checked,
     component_title,
@@ -22,7 +19,7 @@ from genie_sim.analysis.registry import (
 )
 from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
+from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.statistics import MIN_SEEDS, has_interval
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.errors import UserError
@@ -33,53 +30,52 @@ from genie_sim.record.results import TIDY_FIELDS, MetricValue, Run
 # A resource is overloaded from this utilization on, if more than that share of frames is dropped.
 OVERLOADED, MANY_DROPPED = 0.95, 0.1
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
-SECTIONS = (
-    TIMES,
-    FRAMES_SECTION,
-    CORRECTNESS,
-    LAPS,
-    FAULTS_SECTION,
-    IMPROVEMENTS,
-    GENIES,
-    prices.PRICES,
-    OWN,
-)
-
-ABOUT_TIMES = (
-    "Times: from the camera's stamp. Shares: of all published frames, unless the name says "
-    "otherwise."
-)
-ABOUT_ANSWERS = (
-    "First answer: any, perhaps from the object map. Fresh result: a detector looked at this very "
-    "frame."
-)
-ABOUT_LOOKS = (
-    f"Recent: a look at most {RECENT_MS:g} ms older. Age of look: from the newest frame in which a "
-    "detector saw any of the first answer."
-)
-NO_LOOKUPS = "Reuse and confidence boost: there are none, for no Genie's look-ups are recorded."
-ABOUT_TRUTH = "What the consumer holds at each instant is compared with what is in view then."
 ABOUT_ZERO_DELAY = (
     "Zero-delay detector: the detector's own answers without any delay, judged in the same way."
 )
-ABOUT_PROXIES = (
-    "Proxy, and cache hits: against the detector's own answer to the same frame, which errs, too."
+# What rows of these metrics mean, besides their titles.
+NOTES = (
+    (
+        [name for name, metric in METRICS.items() if metric.section == TIMES],
+        "Times: from the camera's stamp. Shares: of all published frames, unless the name says "
+        "otherwise. First answer: any, perhaps from the object map. Fresh result: a detector "
+        "looked at this very frame.",
+    ),
+    (
+        ["recent_share", "look_age_mean"],
+        f"Recent: a look at most {RECENT_MS:g} ms older. Age of look: from the newest frame in "
+        "which a detector saw any of the first answer.",
+    ),
+    (
+        correctness.HELD_METRICS,
+        "What the consumer holds at each instant is compared with what is in view then.",
+    ),
+    (
+        correctness.ANSWER_METRICS,
+        "Proxy, and cache hits: against the detector's own answer to the same frame, which errs, "
+        "too; a hit is wrong whose F1 is below 80 %.",
+    ),
+    (
+        outages.METRICS,
+        "The first fault that is no hand-over; a frame belongs to the time of its stamp. Recovery: "
+        "from its end to the first half second with 95 % of the share of fresh results before it.",
+    ),
+    (
+        ["improvement_first_answer"],
+        "Improvement: 1 - mean of the method / mean of the baseline.",
+    ),
+    (
+        ["energy_per_frame"],
+        "Energy: of cars while they drive and of edges until the last answer, from the watts of "
+        "the device profiles; its range: with every power at the lower and at the upper end of its "
+        "own.",
+    ),
 )
+NO_LOOKUPS = "Reuse and confidence boost: there are none, for no Genie's look-ups are recorded."
 NO_TRUTH = (
     "The objects that are really there are not known here; 'genie-sim import truth' makes a truth "
     "table of any labelled drive."
 )
-ABOUT_ENERGY = (
-    "Energy: of cars while they drive and of edges until the last answer, from the watts of the "
-    "device profiles; its range: with every power at the lower and at the upper end of its own."
-)
-ABOUT = {
-    IMPROVEMENTS: "Improvement: 1 - mean of the method / mean of the baseline.",
-    FAULTS_SECTION: "The first fault that is no hand-over; a frame belongs to the time of its "
-    "stamp. Recovery: from its end to the first half second with 95 % of the share of fresh results"
-    " before it.",
-}
-ABOUT_BUSIEST = "Busiest: the utilization of whichever is used most."
 ABOUT_INTERVALS = (
     "In brackets: the 95 % interval inside this run (blocks of one second; other seeds and drives "
     "may differ by more). A range of reuse: the lowest and the highest running ratio of any Genie."
@@ -102,20 +98,28 @@ class _Column(NamedTuple):
 
 
 class _Numbers:
-    """The numbers of a run by their names and places, and the methods that were simulated."""
+    """The numbers of a run by their names and places, in columns of the methods that were
+    simulated, and of the zero-delay detector, which is the same for all; without truth there is
+    none.
+    """
 
     def __init__(self, run: Run | SeedRuns) -> None:
         self.metrics = run.measured
         self.words = run.words
-        self.runs = tables_of_runs(run)
         self._by_place = {
             (metric.metric, metric.method, metric.placement, metric.component): metric
             for metric in run.measured
         }
         simulated = {metric.method for metric in run.measured}
-        self.methods = [method for method in run.methods if method.name in simulated]
-        self.titles = {method.name: one_line(method.title) for method in self.methods}
-        self.columns = [_Column(title, name) for name, title in self.titles.items()]
+        self._methods = [method for method in run.methods if method.name in simulated]
+        self._columns = [_Column(one_line(method.title), method.name) for method in self._methods]
+        for method in self._methods:
+            if ("streaming_f1", method.name, "all", ZERO_DELAY) in self._by_place:
+                title = component_title(ZERO_DELAY)
+                self._columns.append(_Column(title, method.name, ZERO_DELAY))
+                break
+        used = busiest(run.measured)
+        self._busiest, self.less_busy = used[:MAX_RESOURCES], len(used[MAX_RESOURCES:])
         self._places: dict[str, dict[tuple[str, str], None]] = {}
         for name, _, *place in self._by_place:
             if place[1] != ZERO_DELAY:
@@ -131,103 +135,56 @@ class _Numbers:
         """The metrics of the user's own."""
         return [name for name in self._places if name not in METRICS]
 
-    def is_measured(self, metrics: Iterable[str]) -> bool:
-        """Whether there is a number of any of these metrics."""
-        return any(name in self._places for name in metrics)
-
     def about(self, name: str) -> Metric:
         """What a metric is."""
         return definition(name, self.words)
 
-    def _range(self, name: str, method: str, placement: str, component: str) -> Cell:
-        """The range of a number alone."""
-        metric = self._by_place.get((name, method, placement, component))
-        if metric is None or metric.range_low is None:
-            return Cell()
-        return self.about(name).cell(None, metric.range_low, metric.range_high)
+    def table(self, rows: Iterable[Row], title: str = "") -> ResultTable:
+        """Rows below the titles of those columns in which there is a number."""
+        titles = [column.title for column in self._columns]
+        return ResultTable(titles, list(rows), title).without_empty_columns()
 
-    def rows(
-        self,
-        metrics: Iterable[str],
-        columns: Sequence[_Column],
-        whole: bool = False,
-    ) -> Iterator[Row]:
-        """A row for each metric, placement and component that has a number, and one for its range;
-        with ``whole``, of a metric of cars and edges together that alone, and no range.
+    def rows(self, name: str, whole: bool = False) -> Iterator[Row]:
+        """A row for each placement and component of which the metric has a number, and one for its
+        range; with ``whole``, of a metric of cars and edges together that alone, and no range.
         """
-        for name in metrics:
-            places = self._places.get(name, {})
-            if whole and ("all", "") in places:
-                places = {("all", ""): None}
-            for placement, component in places:
-                cells = [
-                    cell(
-                        self._by_place.get(
-                            (name, column.method, placement, column.component_of(component))
-                        ),
-                        self.words,
-                    )
-                    for column in columns
+        about, places = self.about(name), list(self._places.get(name, ()))
+        if whole and ("all", "") in places:
+            places = [("all", "")]
+        if name == "utilization":
+            places = [place for place in places if place[1] in self._busiest]
+        for placement, component in places:
+            numbers = [
+                self._by_place.get((name, column.method, placement, column.component_of(component)))
+                for column in self._columns
+            ]
+            title = about.titled(placement, component_title(component, self._methods))
+            yield Row(about.labelled(title), [cell(number, self.words) for number in numbers])
+            known = [number for number in numbers if number is not None]
+            if not whole and any(number.range_low is not None for number in known):
+                ranges = [
+                    Cell() if each is None else about.cell(None, each.range_low, each.range_high)
+                    for each in numbers
                 ]
-                if any(found.is_known for found in cells):
-                    metric = self.about(name)
-                    title = metric.titled(placement, component_title(component, self.methods))
-                    yield Row(metric.labelled(title), cells)
-                    ranges = [
-                        self._range(name, column.method, placement, column.component_of(component))
-                        for column in columns
-                    ]
-                    if not whole and any(cell.is_known for cell in ranges):
-                        yield Row(metric.labelled(f"{title}, range"), ranges)
+                yield Row(about.labelled(f"{title}, range"), ranges)
 
-    def section(self, title: str) -> ResultTable:
-        """The table of a section, of the columns that have a number."""
-        columns = [*self.columns, *(self.zero_delay() if title == CORRECTNESS else ())]
-        names = [name for name in (*METRICS, *self.own) if self.about(name).section == title]
-        rows = list(self.rows(names, columns))
-        table = ResultTable([column.title for column in columns], rows, title)
-        return table.without_empty_columns()
-
-    def zero_delay(self) -> list[_Column]:
-        """The column of the zero-delay detector, the same for all methods; none without truth."""
-        for name in self.titles:
-            if ("streaming_f1", name, "all", ZERO_DELAY) in self._by_place:
-                return [_Column(component_title(ZERO_DELAY), name, ZERO_DELAY)]
-        return []
-
-    def busiest(self, columns: Sequence[_Column]) -> Iterator[Row]:
+    def busiest(self) -> Iterator[Row]:
         """The utilization of the busiest accelerator on cars and on edges, and of the busiest
         link.
         """
         kinds = {f"busiest accelerator {where}": (of, False) for of, where in PLACEMENTS.items()}
         for title, kind in (kinds | {"busiest link": ("all", True)}).items():
-            cells = []
-            for column in columns:
-                uses = [
-                    metric
-                    for metric in self.metrics
-                    if (metric.metric, metric.method) == ("utilization", column.method)
-                    and not column.component
-                    and _kind(metric) == kind
+            uses: dict[str, list[MetricValue]] = {}
+            for metric in self.metrics:
+                if metric.metric == "utilization" and _kind(metric) == kind:
+                    uses.setdefault(metric.method, []).append(metric)
+            highest = {method: max(of_method, key=_use) for method, of_method in uses.items()}
+            if highest:
+                cells = [
+                    Cell() if column.component else cell(highest.get(column.method))
+                    for column in self._columns
                 ]
-                cells.append(cell(max(uses, key=_use, default=None)))
-            if any(found.is_known for found in cells):
                 yield Row(METRICS["utilization"].labelled(title), cells)
-
-    def utilization(self) -> ResultTable:
-        """The busiest devices and links while frames were published; others are counted."""
-        by_resource: dict[str, dict[str, MetricValue]] = {}
-        for metric in self.metrics:
-            if metric.metric == "utilization":
-                by_resource.setdefault(metric.component, {})[metric.method] = metric
-        used = busiest(self.metrics)
-        rows = [
-            Row(name, [cell(by_resource[name].get(method)) for method in self.titles])
-            for name in sorted(used[:MAX_RESOURCES])
-        ]
-        left_out = len(used) - len(rows)
-        notes = [f"{left_out} less busy ones are in metrics.json."] if left_out else []
-        return ResultTable(list(self.titles.values()), rows, "Utilization [%]", notes)
 
 
 def _use(metric: MetricValue) -> float:
@@ -306,7 +263,7 @@ def no_repeats(run: Run | SeedRuns) -> str:
     which = []
     for method in run.methods:
         requests = equal = sightings = updates = 0
-        for tables in tables_of_runs(run):
+        for tables in (of_seed.tables for of_seed in run.runs):
             if "lookups" not in tables:
                 continue
             lookups = tables["lookups"].where(method=method.name)
@@ -367,101 +324,74 @@ def markdown(run: Run | SeedRuns) -> str:
         about_intervals = ABOUT_INTERVALS
     if run.runs[0].warm_up:
         parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
-    abouts = (
-        ABOUT_TIMES,
-        f"{ABOUT_ANSWERS} {ABOUT_LOOKS}",
-        about_intervals,
-        about_boxes(run),
-        about_laws(run),
-    )
-    parts += [renderers.markdown_paragraph(about) for about in abouts if about]
+    abouts = filter(None, dict.fromkeys([about_intervals, *findings(run), about_laws(run)]))
+    parts += [renderers.markdown_paragraph(about) for about in abouts]
     parts += [renderers.markdown(table).rstrip() for table in tables(run)]
     return "\n\n".join(parts) + "\n"
 
 
 def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAIN) -> ResultTable:
-    """The one table for a terminal or a paper: response times, correctness, reuse, and the busiest
+    """The one table for a paper or a page: response times, correctness, reuse, and the busiest
     devices, of the metrics up to a tier in which any method has a number; or of these ``metrics``.
     Raises ``UserError`` for a metric that is not known, or of which the run has no number.
     """
     numbers = _Numbers(run)
     names = checked(metrics, numbers.own) or shown(tier, numbers.names)
-    for name in metrics:
-        if name not in numbers.names:
-            raise UserError(f"metrics: {no_value(name)}")
-    columns = [*numbers.columns, *numbers.zero_delay()]
     rows: list[Row] = []
     for name in names:
-        of_busiest = name == "utilization"
-        rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
-    table = ResultTable([column.title for column in columns], rows)
-    hidden = {*numbers.names}.difference(names)
-    told = [name for name, metric in METRICS.items() if metric.tier <= tier and name not in hidden]
-    notes = (
-        [] if metrics else list(filter(None, [overload(run), no_repeats(run), about_boxes(run)]))
-    )
-    notes += _main_notes(metrics or told, numbers)
-    laws = run.runs[0].facts.get("laws")
-    if laws is not None and not laws["is_known"]:
-        notes.append(about_laws(run))
-    return replace(table.without_empty_columns(), notes=notes)
+        if name not in numbers.names:
+            raise UserError(f"metrics: {no_value(name)}")
+        rows += numbers.busiest() if name == "utilization" else numbers.rows(name, whole=True)
+    notes = [] if metrics else findings(run)
+    return replace(numbers.table(rows), notes=[*notes, *_meanings(names)])
 
 
-def short_table(run: Run | SeedRuns) -> ResultTable:
-    """Of the main table the rows that a terminal shows, and those of the user's own metrics."""
-    table = main_table(run, tier=SHORT)
+def printed_table(run: Run | SeedRuns, metrics: Sequence[str] | None = None) -> ResultTable:
+    """The same for a terminal, by default of the most important rows and those of the user's own
+    metrics: below it stands what was found, and where the rest is told.
+    """
+    table = main_table(run, metrics or (), SHORT if metrics is None else MAIN)
+    notes = [] if metrics else findings(run)
+    told = "What each row means: genie-sim list metrics."
     more = len(main_table(run).rows) - len(table.rows)
-    if more <= 0:
-        return table
-    told = f"{more} more rows: genie-sim run --all, or genie-sim table on the results."
-    return replace(table, notes=[*table.notes, told])
+    if metrics is None and more:
+        told += f" {more} more rows: genie-sim run --all, or genie-sim table on the results."
+    return replace(table, notes=[*notes, told])
 
 
-def _main_notes(names: Sequence[str], numbers: _Numbers) -> Iterator[str]:
-    """What the words of these metrics mean, and why there is no number of one."""
-    if any(METRICS[name].section in (TIMES, FRAMES_SECTION) for name in names if name in METRICS):
-        yield f"{ABOUT_TIMES} {ABOUT_ANSWERS}"
-    if numbers.is_measured({"recent_share", "look_age_mean"}.intersection(names)):
-        yield ABOUT_LOOKS
-    if "utilization" in names and numbers.is_measured(["utilization"]):
-        yield ABOUT_BUSIEST
-    if any(name in correctness.HELD_METRICS for name in names):
-        yield _about_truth(numbers)
-    if numbers.is_measured(set(correctness.ANSWER_METRICS).intersection(names)):
-        yield ABOUT_PROXIES
-    if any(name in OF_LOOKUPS for name in names) and not numbers.is_measured(OF_LOOKUPS):
-        yield NO_LOOKUPS
+def findings(run: Run | SeedRuns) -> list[str]:
+    """What is to be known of this run besides its numbers: what was overloaded or never repeated,
+    what its boxes and laws are, and which numbers there are none of.
+    """
+    measured = {metric.metric for metric in run.measured}
+    laws = run.runs[0].facts.get("laws")
+    return [
+        *filter(None, [overload(run), no_repeats(run), about_boxes(run)]),
+        *([] if laws is None or laws["is_known"] else [about_laws(run)]),
+        *([] if measured.intersection(correctness.HELD_METRICS) else [NO_TRUTH]),
+        *([] if measured.intersection(OF_LOOKUPS) else [NO_LOOKUPS]),
+        *([ABOUT_ZERO_DELAY] if any(m.component == ZERO_DELAY for m in run.measured) else []),
+    ]
+
+
+def _meanings(names: Collection[str]) -> list[str]:
+    """What the words of these metrics mean."""
+    return [text for metrics, text in NOTES if any(name in names for name in metrics)]
 
 
 def tables(run: Run | SeedRuns) -> Iterator[ResultTable]:
     """All tables that have a row, of methods in the order in which they ran."""
     numbers = _Numbers(run)
-    sections = [definition(metric.metric, run.words).section for metric in run.measured]
-    for title in filter(None, dict.fromkeys((*SECTIONS, *sections))):
-        table = numbers.section(title)
-        if table.rows:
-            yield replace(table, notes=list(_notes(title, numbers)))
-    use = numbers.utilization()
-    if use.rows:
-        yield use
-
-
-def _notes(section: str, numbers: _Numbers) -> Iterator[str]:
-    """What stands below the table of a section."""
-    if section in ABOUT:
-        yield ABOUT[section]
-    elif section == CORRECTNESS:
-        if numbers.is_measured(correctness.ANSWER_METRICS):
-            yield from (ABOUT_PROXIES, METRICS["wrong_hit_share"].meaning)
-        yield _about_truth(numbers)
-    elif section == prices.PRICES:
-        yield ABOUT_ENERGY
-        if unknown := prices.unknown_powers(numbers.runs, list(numbers.titles)):
-            yield f"Not known: the power of {', '.join(unknown)}."
-
-
-def _about_truth(numbers: _Numbers) -> str:
-    """What false objects and the like are compared with, or why there are none."""
-    if not numbers.is_measured(correctness.HELD_METRICS):
-        return NO_TRUTH
-    return f"{ABOUT_TRUTH} {ABOUT_ZERO_DELAY}" if numbers.zero_delay() else ABOUT_TRUTH
+    by_section: dict[str, list[str]] = {}
+    for name in (*METRICS, *numbers.own):
+        by_section.setdefault(numbers.about(name).section, []).append(name)
+    for title, names in by_section.items():
+        shown_names = [name for name in names if name in numbers.names]
+        rows = [row for name in shown_names for row in numbers.rows(name)]
+        notes = _meanings(shown_names)
+        if "energy_per_frame" in shown_names:
+            notes += prices.unknown_powers(run.runs)
+        if "utilization" in shown_names and numbers.less_busy:
+            notes.append(f"{numbers.less_busy} less busy ones are in metrics.json.")
+        if rows and title:
+            yield replace(numbers.table(rows, title), notes=notes)

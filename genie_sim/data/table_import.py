@@ -219,6 +219,8 @@ def cars_of_tables(
 ) -> dict[str, ImportedCar]:
     """The cars of three tables, by their names.
 
+    Raises UserError, naming table, row and column, and for what cannot be.
+
     Parameters
     ----------
     poses : a file or a DataFrame with the columns of ``PoseRow``; each row is one frame of a car
@@ -229,8 +231,6 @@ def cars_of_tables(
     provenance : where the tables come from; ``None``: their names and digests
     classes : the classes of labels that have other names; ``NO_CLASS``: such objects are left out
     report : is told what was read
-
-    Raises UserError, naming table, row and column, and for what cannot be.
     """
     content = {"poses": poses, "detections": detections, "truth": truth}
     tables = {name: _Table.of(name, of) for name, of in content.items() if of is not None}

@@ -21,9 +21,9 @@ Stamp = Annotated[int, "ns", "when the camera took it"]
 CONSUMER = "consumer"  # what is judged: what a consumer holds, or
 ZERO_DELAY = "zero_delay"  # the detector's own answers without any delay; also a component
 # The values of text columns: of look-ups, of answers, and of objects that are held or missed.
-LOOKUP_KINDS = IMAGE, SIGHTING, BOOST = "image", "sighting", "boost"
-OUTCOMES = MISS, HIT, COALESCED = "miss", "hit", "coalesced"
-WHICHS = FIRST, FRESH, BOTH, RESULT = "first", "fresh", "both", "result"
+IMAGE, SIGHTING, BOOST = "image", "sighting", "boost"
+MISS, HIT, COALESCED = "miss", "hit", "coalesced"
+FIRST, FRESH, BOTH, RESULT = "first", "fresh", "both", "result"
 JUDGED = ("right", "missed", "moved_away", "never_there", "duplicate")
 
 

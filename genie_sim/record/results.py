@@ -4,10 +4,9 @@ result folder.
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from operator import attrgetter
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.base.errors import UserError, as_user_error, no_attribute, short_repr
 from genie_sim.base.paths import expanded, read_text
@@ -46,8 +45,7 @@ class MethodInfo:
         object.__setattr__(self, "title", one_line(self.title))
 
 
-@dataclass(frozen=True, slots=True)
-class MetricValue:
+class MetricValue(NamedTuple):
     """One number of a run.
 
     ``placement`` is ``car`` or ``edge`` for Genies and resources there, else ``all``. ``component``
@@ -69,11 +67,6 @@ class MetricValue:
     n: int = 0
     range_low: float | None = None
     range_high: float | None = None
-
-    @property
-    def row(self) -> tuple[Any, ...]:
-        """The values of its fields, in their order."""
-        return _row_of(self)
 
     def check(self) -> None:
         """Raises ``ValueError``, which begins with the field, for what no metric has."""
@@ -98,16 +91,15 @@ class MetricValue:
 
     def of_seed(self, seed: int | None) -> tuple[Any, ...]:
         """The values of ``TIDY_FIELDS``, of this seed."""
-        return (*self.row[:PLACE], seed, *self.row[PLACE:])
+        return (*self[:PLACE], seed, *self[PLACE:])
 
 
-METRIC_FIELDS = tuple(field.name for field in fields(MetricValue))
+METRIC_FIELDS = MetricValue._fields
 PLACE = METRIC_FIELDS.index("value")  # so many fields say what the number is of
 # The columns of every table of numbers; where a number is a mean over seeds, it has no seed.
 TIDY_FIELDS = (*METRIC_FIELDS[:PLACE], "seed", *METRIC_FIELDS[PLACE:])
 NUMBERS = ("value", "low", "high", "range_low", "range_high")
 MAX_NUMBER = sys.float_info.max
-_row_of = attrgetter(*METRIC_FIELDS)
 
 
 def _is_finite(number: object) -> bool:
@@ -246,7 +238,7 @@ def _read_metrics(path: Path, about: Mapping[str, Any]) -> list[MetricValue]:
         "metric": about["metrics"],
         "method": [method["name"] for method in about["facts"]["methods"]],
     }
-    places: dict[tuple[str, ...], int] = {}
+    places: dict[tuple[object, ...], int] = {}
     measured = []
     for place, row in enumerate(rows):
         with as_user_error(f"{path}: row {place}", ValueError):
@@ -258,7 +250,7 @@ def _read_metrics(path: Path, about: Mapping[str, Any]) -> list[MetricValue]:
                 if getattr(metric, name) not in names:
                     text = f"run.json tells of none called {short_repr(getattr(metric, name))}"
                     raise ValueError(f"{name}: {text}")
-            earlier = places.setdefault(metric.row[:PLACE], place)
+            earlier = places.setdefault(metric[:PLACE], place)
             if earlier != place:
                 raise ValueError(f"metric: the same as in row {earlier}")
         measured.append(metric)

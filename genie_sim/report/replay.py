@@ -6,31 +6,30 @@ and held object in it, rather than a thinned whole that would show a hit here an
 page says which.
 
 These are the data that the page's script reads (``replay_model.js``). A name ends with its unit; -1
-is unknown, nobody or never; a text in a column is its place in one of the lists of texts; a frame's
-id is its place among those of all streams; of columns marked with + the first value is followed by
-the differences::
+is unknown, nobody or never; a text in a column is its place in ``names``; a frame's id is its place
+among those of all streams; of columns marked with + the first value is followed by the
+differences::
 
     begin_us, end_us    the stretch that is shown; instants count from the start of the run
     cars                name, edge, cameras (whether it has any)
     edges               names
-    names, kinds, outcomes, whichs, judged    lists of texts
+    names               all texts of all columns
     parts               name and title of each part of the time
     streams             one a camera: car, stream, fov_mrad, first_id and first_frame (the id and
                         the number of its first frame), lap_ids (the first of each further lap); of
                         each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
     methods             name, title, and columns:
       frames            by id; since the stamp: received_ns, first_answer_us, result_answer_us,
-                        fresh_answer_us; outcome; of names: source, served_by, drop;
+                        fresh_answer_us; texts: outcome, source, served_by, drop;
                         objects_served, objects_result, objects_fresh, bytes_up, bytes_down
-      lookups           in order of time: t_us+, frame_id, genie (of names), kind, outcome, edge and
+      lookups           in order of time: t_us+, frame_id, genie, kind, outcome, edge and
                         neighbour (1: on an edge, asked by another edge), requests, hits, updates,
                         boost_e4 (10,000 times the confidence added), entries
-      held_objects      in order of time: begin_us+, took_us, car and label (of names), judged,
-                        east_cm, north_cm
-      steps             answer by answer: frame_id, which, part, place (of names), took_ns
+      held_objects      in order of time: begin_us+, took_us, car, label, judged, east_cm, north_cm
+      steps             answer by answer: frame_id, which, part, place, took_ns
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -38,8 +37,8 @@ import numpy as np
 
 from genie_sim.analysis import style
 from genie_sim.base.units import NS_PER_S
-from genie_sim.record.columns import NO_TEXT, Columns, Text
-from genie_sim.record.records import COALESCED, HIT, JUDGED, LOOKUP_KINDS, MISS, OUTCOMES, WHICHS
+from genie_sim.record.columns import NO_TEXT, Codes, Columns, Text
+from genie_sim.record.records import COALESCED, HIT, MISS
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
@@ -52,32 +51,11 @@ UNKNOWN = -1
 MAX_ROWS = 200_000
 
 
-class _Names:
-    """Texts that many rows share; a row holds a text's number, or -1 for none. Those that are
-    ``known`` have the first numbers.
-    """
-
-    def __init__(self, known: Iterable[str] = ()) -> None:
-        self.all = {name: number for number, name in enumerate(known)}
-
-    def code(self, name: object) -> int:
-        return self.all.setdefault(str(name), len(self.all))
-
-    def codes(self, column: Text) -> list[int]:
-        """Of a column; new texts are numbered as they first occur."""
-        codes, first = np.unique(column.codes, return_index=True)
-        places = {
-            int(code): self.code(column.names[code])
-            for code in codes[np.argsort(first)]
-            if code != NO_TEXT
-        }
-        numbers = np.full(len(column.names) + 1, UNKNOWN)
-        numbers[list(places)] = list(places.values())
-        of_rows: list[int] = numbers[column.codes].tolist()
-        return of_rows
-
-
-Texts = Mapping[str, _Names]  # of names, and of the values of text columns
+def coded(column: Text, names: Codes) -> list[int]:
+    """Of each row the place of its text among the names, -1 for none."""
+    places = np.array([*(names[text] for text in column.names), UNKNOWN])  # NO_TEXT is the last
+    of_rows: list[int] = places[column.codes].tolist()
+    return of_rows
 
 
 def scaled(values: "Column", scale: int) -> "Column":
@@ -119,14 +97,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             "Everything else covers the whole run. Another stretch: "
             "genie-sim report DIR --start '60 s'"
         )
-    texts = {
-        "names": _Names(),
-        "parts": _Names(style.PARTS),
-        "kinds": _Names(LOOKUP_KINDS),
-        "outcomes": _Names(OUTCOMES),
-        "whichs": _Names(WHICHS),
-        "judged": _Names(JUDGED),
-    }
+    names = Codes()
     poses = _between(poses, "stamp_ns", begin_ns, end_ns)
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
     return {
@@ -142,20 +113,17 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             {
                 "name": method.name,
                 "title": method.title,
-                **_of_method(run, method.name, poses, texts, stretch_ns=(begin_ns, end_ns)),
+                **_of_method(run, method.name, poses, names, stretch_ns=(begin_ns, end_ns)),
             }
             for method in run.methods
         ],
-        **{name: list(of_column.all) for name, of_column in texts.items()},
-        "parts": [
-            {"name": name, "title": style.PARTS.get(name, (name,))[0]}
-            for name in texts["parts"].all
-        ],
+        "names": list(names),
+        "parts": [(name, title) for name, (title, _) in style.PARTS.items()],
     }
 
 
 def _of_method(
-    run: "Run", method: str, poses: Columns, texts: Texts, stretch_ns: tuple[int, int]
+    run: "Run", method: str, poses: Columns, names: Codes, stretch_ns: tuple[int, int]
 ) -> dict[str, Any]:
     """What the replay shows of one method.
 
@@ -167,7 +135,7 @@ def _of_method(
         The method's name.
     poses : Columns
         The frames that are shown; a frame's id is its place here.
-    texts : mapping of str to _Names
+    names : Codes
         Get the texts of all rows.
     stretch_ns : tuple of int
         The first instant that is shown, and the end, which is not.
@@ -175,26 +143,19 @@ def _of_method(
     tables = {name: table.where(method=method) for name, table in run.tables.items()}
     begin_ns, end_ns = stretch_ns
     return {
-        "frames": _frames(tables["frames"], poses, texts),
-        "lookups": _lookups(tables["lookups"], poses, texts),
-        "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, texts),
-        "steps": _steps(tables["steps"], poses, texts),
+        "frames": _frames(tables["frames"], poses, names),
+        "lookups": _lookups(tables["lookups"], poses, names),
+        "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, names),
+        "steps": _steps(tables["steps"], poses, names),
     }
 
 
 def _last_instant_ns(run: "Run") -> int:
     """The last instant of frames, answers and look-ups; 0 for an empty run."""
-    instants = {
-        "frames": ["stamp_ns", "first_answer_ns", "result_answer_ns", "fresh_answer_ns"],
-        "lookups": ["t_ns"],
-    }
-    last_ns = 0
-    for table, columns in instants.items():
-        for column in columns:
-            instants_ns = run.tables[table].floats(column)
-            if not np.isnan(instants_ns).all():
-                last_ns = max(last_ns, int(np.nanmax(instants_ns)))
-    return last_ns
+    frames, lookups = run.tables["frames"], run.tables["lookups"]
+    names = ("stamp_ns", "first_answer_ns", "result_answer_ns", "fresh_answer_ns")
+    instants_ns = [*(frames.floats(name) for name in names), lookups.floats("t_ns")]
+    return int(np.nanmax(np.concatenate(instants_ns), initial=0))
 
 
 def _end_ns(run: "Run", begin_ns: int) -> int:
@@ -216,20 +177,18 @@ def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns
     return table.rows((table[column] >= begin_ns) & (table[column] < end_ns))
 
 
-def _places(poses: Columns, table: Columns, column: str) -> "Column":
-    """The place in ``poses`` of the frame that each row is about, -1 where it is not there; a frame
-    is told by its camera and by ``column``, which is its number or its stamp.
-    """
+def _places(poses: Columns, table: Columns) -> "Column":
+    """The place in ``poses`` of the frame that each row is about, -1 where it is not there."""
     cars, streams = poses["car"].names, poses["stream"].names
-    low, high = int(poses[column].min()), int(poses[column].max())
+    low, high = int(poses["stamp_ns"].min()), int(poses["stamp_ns"].max())
 
     def keys_of(rows: Columns) -> "Column":
         cameras = rows["car"].codes_in(cars) * len(streams) + rows["stream"].codes_in(streams)
-        return np.asarray(cameras * (high - low + 1) + (rows[column].astype(np.int64) - low))
+        return np.asarray(cameras * (high - low + 1) + (rows["stamp_ns"] - low))
 
     keys, wanted_keys = keys_of(poses), keys_of(table)
     has_camera = table["car"].isin(cars) & table["stream"].isin(streams)
-    in_range = (table[column] >= low) & (table[column] <= high)
+    in_range = (table["stamp_ns"] >= low) & (table["stamp_ns"] <= high)
     places = np.minimum(np.searchsorted(keys, wanted_keys), len(keys) - 1)
     return np.where(has_camera & in_range & (keys[places] == wanted_keys), places, UNKNOWN)
 
@@ -238,7 +197,7 @@ def _streams(poses: Columns, frames: Columns) -> Iterator[dict[str, Any]]:
     """The frames of each camera in order: when and where they were taken. A frame's id is its place
     in ``poses``.
     """
-    laps, ids = np.zeros(len(poses), dtype=int), _places(poses, frames, "frame")
+    laps, ids = np.zeros(len(poses), dtype=int), _places(poses, frames)
     laps[ids[ids != UNKNOWN]] = frames["lap"][ids != UNKNOWN]
     changed = (np.diff(poses["car"].codes) != 0) | (np.diff(poses["stream"].codes) != 0)
     begins = [0, *(np.flatnonzero(changed) + 1).tolist(), len(poses)]
@@ -259,11 +218,11 @@ def _streams(poses: Columns, frames: Columns) -> Iterator[dict[str, Any]]:
         }
 
 
-def _frames(frames: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
+def _frames(frames: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     """What became of each frame under one method, by the frame's id. Instants are counted from the
     stamp.
     """
-    ids = _places(poses, frames, "frame")
+    ids = _places(poses, frames)
     with_pose = np.flatnonzero(ids != UNKNOWN)
     rows, ids = frames.rows(with_pose), ids[with_pose]
 
@@ -282,7 +241,7 @@ def _frames(frames: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
     }
     flags = zip(rows["image_hit"].tolist(), rows["coalesced"].tolist(), strict=True)
     outcome = [
-        UNKNOWN if hit is None else OUTCOMES.index(COALESCED if waits else HIT if hit else MISS)
+        UNKNOWN if hit is None else names[COALESCED if waits else HIT if hit else MISS]
         for hit, waits in flags
     ]
     return {
@@ -293,7 +252,7 @@ def _frames(frames: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
         },
         "outcome": numbers(np.array(outcome)),
         **{
-            name: texts["names"].codes(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names))
+            name: coded(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names), names)
             for name in ("source", "served_by", "drop")
         },
         **{
@@ -309,19 +268,17 @@ def _frames(frames: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
     }
 
 
-def _lookups(lookups: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
+def _lookups(lookups: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     """One method's look-ups about these frames, in order of time."""
-    ids = _places(poses, lookups, "stamp_ns")
+    ids = _places(poses, lookups)
     with_pose = np.flatnonzero(ids != UNKNOWN)
     with_pose = with_pose[np.argsort(lookups["t_ns"][with_pose], kind="stable")]
     rows = lookups.rows(with_pose)
     return {
         "t_us": deltas(rows["t_ns"] // US),
-        "genie": texts["names"].codes(rows["genie"]),
         "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
-        "kind": texts["kinds"].codes(rows["kind"]),
-        "outcome": texts["outcomes"].codes(rows["outcome"]),
+        **{name: coded(rows[name], names) for name in ("genie", "kind", "outcome")},
         "boost_e4": scaled(rows["boost_sum"], 10_000).tolist(),
         "frame_id": ids[with_pose].tolist(),
         **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
@@ -329,7 +286,7 @@ def _lookups(lookups: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
 
 
 def _held_objects(
-    held_objects: Columns, begin_ns: int, end_ns: int, texts: Texts
+    held_objects: Columns, begin_ns: int, end_ns: int, names: Codes
 ) -> dict[str, Any]:
     """What consumers hold or miss under one method in a stretch of time: where, how it is judged,
     since when and for how long, -1 where it does not end.
@@ -341,23 +298,19 @@ def _held_objects(
     return {
         "begin_us": deltas(rows["begin_ns"] // US),
         "took_us": integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
-        "car": texts["names"].codes(rows["car"]),
-        "label": texts["names"].codes(rows["label"]),
-        "judged": texts["judged"].codes(rows["judged"]),
+        **{name: coded(rows[name], names) for name in ("car", "label", "judged")},
         "east_cm": scaled(rows["east_m"], 100).tolist(),
         "north_cm": scaled(rows["north_m"], 100).tolist(),
     }
 
 
-def _steps(steps: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
+def _steps(steps: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     """The steps to the answers to these frames under one method, answer by answer."""
-    ids = _places(poses, steps, "stamp_ns")
+    ids = _places(poses, steps)
     with_pose = np.flatnonzero(ids != UNKNOWN)
     rows = steps.rows(with_pose)
     return {
         "frame_id": ids[with_pose].tolist(),
-        "which": texts["whichs"].codes(rows["which"]),
-        "part": texts["parts"].codes(rows["part"]),
-        "place": texts["names"].codes(rows["place"]),
+        **{name: coded(rows[name], names) for name in ("which", "part", "place")},
         "took_ns": (rows["end_ns"] - rows["begin_ns"]).tolist(),
     }

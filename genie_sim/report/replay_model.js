@@ -31,7 +31,7 @@ function decode(replay) {
   const cars = replay.cars
     .map((car) => ({ ...car, streams: streams.filter((stream) => stream.car === car.name) }))
     .filter((car) => car.streams.length);
-  const run = { ...replay, frames, streams, cars };
+  const run = { ...replay, parts: new Map(replay.parts), frames, streams, cars };
   run.methods = replay.methods.map((of) => methodOf(run, of));
   return run;
 }
@@ -39,7 +39,7 @@ function decode(replay) {
 // What happened under one method. `rows` are the columns of its frames.
 function methodOf(run, { frames: rows, lookups: { t_us, ...columns }, held_objects, steps, ...about }) {
   const lookups = { ...columns, t: undelta(t_us), of_frame: byFrame(columns.frame_id) };
-  const images = lookups.kind.flatMap((kind, row) => (run.kinds[kind] === "image" ? [row] : []));
+  const images = lookups.kind.flatMap((kind, row) => (run.names[kind] === "image" ? [row] : []));
   return {
     ...about,
     rows,
@@ -63,7 +63,7 @@ function messagesOf(run, rows, steps) {
     t = begin + steps.took_ns[row] / 1000;
     const place = run.names[steps.place[row]],
       [from, to] = place.split("->");
-    if (to === undefined || run.parts[steps.part[row]].name === "queueing") return;
+    if (to === undefined || run.names[steps.part[row]] === "queueing") return;
     // One message may be on the way of both answers to a frame.
     messages.set(`${place} ${id} ${Math.round(begin)}`, { from, to, begin, end: t });
   });
@@ -89,7 +89,7 @@ function heldObjectsAt(run, { heldObjects: rows }, t) {
     open.push({
       car: run.names[rows.car[row]],
       label: run.names[rows.label[row]],
-      judged: run.judged[rows.judged[row]],
+      judged: run.names[rows.judged[row]],
       since: rows.begin[row],
       east: rows.east_cm[row] / 100,
       north: rows.north_cm[row] / 100,
@@ -124,7 +124,7 @@ function countsText(run, method, t) {
 
 // hit, miss or coalesced at the car's Genie; where there is none, whether it was answered.
 function outcomeOf(run, { rows }, id) {
-  if (rows.outcome[id] >= 0) return run.outcomes[rows.outcome[id]];
+  if (rows.outcome[id] >= 0) return run.names[rows.outcome[id]];
   return rows.first_answer_us[id] >= 0 ? "hit" : "none";
 }
 function outcomeText(run, method, id) {

@@ -227,7 +227,7 @@ class Street {
     for (const car of run.cars) if (places[car.edge]) line(pen, places[car.name], places[car.edge], look.line, 1, 1);
     for (let i = lastUpTo(image_t, t - hold) + 1; i < images.length && image_t[i] <= t; i += 1) {
       const row = images[i],
-        outcome = run.outcomes[lookups.outcome[row]],
+        outcome = run.names[lookups.outcome[row]],
         left = 1 - (t - image_t[i]) / hold;
       const place = places[run.names[lookups.genie[row]].split("/")[0]];
       const camera = run.streams[run.frames.stream[lookups.frame_id[row]]];

@@ -53,17 +53,17 @@ function folded(title, children) {
 // [ns].
 function stepsTo(run, { rows, steps }, id) {
   const all = steps.of_frame.get(id) ?? [],
-    which = (row) => run.whichs[steps.which[row]];
+    which = (row) => run.names[steps.which[row]];
   const fresh = all.filter((row) => ["fresh", "both"].includes(which(row)));
   const shown = fresh.length ? fresh : all.filter((row) => which(row) === "first");
   if (!shown.length) return [];
   let t = Math.max(rows.received_ns[id], 0);
-  const hop = run.parts.findIndex(({ name }) => name === "hop");
-  const toFirstNode = { part: hop, place: run.streams[run.frames.stream[id]].car, from: 0, took: t };
+  const toFirstNode = { part: "hop", place: run.streams[run.frames.stream[id]].car, from: 0, took: t };
   return [
     toFirstNode,
     ...shown.map((row) => {
-      const step = { part: steps.part[row], place: run.names[steps.place[row]], from: t, took: steps.took_ns[row] };
+      const [part, place] = [steps.part[row], steps.place[row]].map((code) => run.names[code]);
+      const step = { part, place, from: t, took: steps.took_ns[row] };
       t += step.took;
       return step;
     }),
@@ -78,7 +78,7 @@ function partsOfFrame(run, method, id) {
   if (!steps.length) return [];
   const line = (title, ...cells) => make("tr", {}, make("th", { scope: "row" }, ...title), ...cells);
   const lines = steps.map(({ part, place, from, took }) =>
-    line([partSquare(part), ` ${run.parts[part].title}`], cell(place), number(from), number(took)),
+    line([partSquare(part), ` ${run.parts.get(part)}`], cell(place), number(from), number(took)),
   );
   const whole = line(["all"], cell(""), cell(""), number(steps.reduce((sum, { took }) => sum + took, 0)));
   const headings = ["step", "at", "since the stamp", "took"].map((text) => make("th", { scope: "col" }, text));
@@ -141,12 +141,12 @@ function answersOf(run, { rows }, id) {
 function lookupsOf(run, { lookups }, id) {
   return (lookups.of_frame.get(id) || []).map((row) => {
     const t = lookups.t[row] - run.frames.stamp[id],
-      kind = run.kinds[lookups.kind[row]];
+      kind = run.names[lookups.kind[row]];
     return kind === "image" ? imageLookup(run, lookups, row, t) : objectLookups(run, lookups, row, t);
   });
 }
 function imageLookup(run, lookups, row, t) {
-  const outcome = run.outcomes[lookups.outcome[row]],
+  const outcome = run.names[lookups.outcome[row]],
     isNeighbour = lookups.neighbour[row];
   const asked = isNeighbour ? "by another edge" : lookups.edge[row] ? "by the car" : "in its own car";
   const meaning = {
@@ -161,7 +161,7 @@ function objectLookups(run, lookups, row, t) {
   const genie = run.names[lookups.genie[row]],
     boost = lookups.boost_e4[row] / 10000,
     updates = lookups.updates[row];
-  const isSighting = run.kinds[lookups.kind[row]] === "sighting";
+  const isSighting = run.names[lookups.kind[row]] === "sighting";
   const text = isSighting
     ? `${genie} takes the objects of an answer into its map`
     : `${genie} adds what its map knows`;

@@ -206,9 +206,8 @@ def packed(value: Any) -> str:
 
 
 def _palette() -> str:
-    """The colours of parts of the time as classes ``part-0`` and so on."""
-    looks = [look for _, look in style.PARTS.values()]
-    return "".join(f".part-{i}{{fill:{look['facecolor']}}}\n" for i, look in enumerate(looks))
+    """The colours of parts of the time as classes: ``part-queueing``."""
+    return "".join(f".part-{name}{{fill:{colour}}}\n" for name, (_, colour) in style.PARTS.items())
 
 
 def _source(text: str) -> str:

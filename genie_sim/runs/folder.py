@@ -19,7 +19,6 @@ from genie_sim.record.columns import Text
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
     FILES,
-    METRIC_FIELDS,
     MethodInfo,
     Run,
     checked_label,
@@ -109,7 +108,7 @@ def simulate_into(
         table.write(folder / f"{name}.parquet")
     run = finished(prepared, run_id, tables, label)
     wall_time_s = round(time.perf_counter() - began_s, 3)
-    metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
+    metrics = [metric._asdict() for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
     provenance.write_text(folder / "scenario.resolved.yaml", run.yaml)
     about = {

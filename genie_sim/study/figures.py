@@ -34,12 +34,12 @@ from genie_sim.analysis.statistics import has_interval
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
+from genie_sim.base.text import number_text
 from genie_sim.study.design import Axis, Design, Level
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MAX_TICKS = 8
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text
 LEVEL_COLOURS = mpl.colormaps["viridis"]  # from dark to light: they keep their order in greyscale
@@ -265,13 +265,29 @@ def _wrapped(label: str, narrow: bool = False) -> str:
 def _name_ticks(panel: Axes, names: Sequence[str]) -> None:
     """Names the places 0, 1, ... of the axis to the right, upright where they are long."""
     panel.set_xticks(range(len(names)), names)
-    figure = panel.get_figure(root=True)
-    assert figure is not None
-    room_in = panel.get_position().width * figure.get_figwidth()
-    longest = max(map(len, names), default=0) + 1
-    if len(names) * longest * character_in("xtick.labelsize") > room_in:
+    if len(names) * _longest_in(names) > _width_in(panel):
         for name in panel.get_xticklabels():
             name.set_rotation(90)
+
+
+def _have_room(panel: Axes, ticks: Sequence[float]) -> bool:
+    """Whether the names of these ticks, from low to high, have room on a logarithmic axis."""
+    if len(ticks) < 2:
+        return True
+    apart = np.diff(np.log(ticks))
+    room_in = _width_in(panel) * apart.min() / (apart.sum() + math.log(1.25 / 0.8))
+    return bool(room_in > _longest_in([_shortened(tick) for tick in ticks]))
+
+
+def _longest_in(names: Sequence[str]) -> float:
+    """The width [in] of the longest name of a tick, and of a gap beside it."""
+    return (max(map(len, names), default=0) + 1) * character_in("xtick.labelsize")
+
+
+def _width_in(panel: Axes) -> float:
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    return float(panel.get_position().width * figure.get_figwidth())
 
 
 def _make_room(figure: Figure, rows: int) -> None:
@@ -329,8 +345,9 @@ def _draw(
     elif _logarithmic(axis, numbers):
         low, high = min(numbers), max(numbers)
         logarithmic_x(panel, 0.8 * low, 1.25 * high, (1, 2, 5) if high < 100 * low else (1,))
-        if len(numbers) <= MAX_TICKS and not axis.sampled:
-            panel.set_xticks(numbers, [f"{number:g}" for number in numbers])
+        ticks = sorted(numbers)
+        if not axis.sampled and _have_room(panel, ticks):
+            panel.set_xticks(ticks, [_shortened(tick) for tick in ticks])
 
 
 def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -> dict[str, Any]:
@@ -385,5 +402,5 @@ def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
 
 
 def _shortened(level: Level) -> str:
-    text = level if isinstance(level, str) else f"{level:g}"
+    text = level if isinstance(level, str) else number_text(level, digits=4)
     return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"

@@ -25,11 +25,7 @@ from genie_sim.base.errors import Suggesting, UserError, unknown
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
-from genie_sim.record.results import (
-    MethodInfo,
-    Run,
-    checked_label,
-)
+from genie_sim.record.results import METRIC_FIELDS, PLACE, MethodInfo, Run, checked_label
 from genie_sim.report.result import Result, cells_of, level_text, named
 from genie_sim.study.design import Design, read_design
 from genie_sim.study.tables import BEFORE_AXES, differences
@@ -217,12 +213,13 @@ class Sweep(Suggesting, Result):
         notes = [several if seeds > 1 else "One seed."]
         if len(table.rows) > MAX_ROWS:
             notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
-        title = f"Sweep {self.title} of {self.design.scenario}: main results"
+        title = f"Sweep {self.title} of {self.design.scenario}"
+        title += "" if metrics else ": main results"
         if self.axes:
             title += f" along {' and '.join(self.axes)}"
         shown_rows = table.rows[:MAX_ROWS]
         return renderers.latex(
-            replace(table, title=title, rows=shown_rows, notes=notes), self.title
+            replace(table, title=title, rows=shown_rows, notes=[*notes, *table.notes]), self.title
         )
 
     def _table(self, metrics: Sequence[str] = ()) -> ResultTable:
@@ -259,7 +256,17 @@ class Sweep(Suggesting, Result):
         about = [(definition(name, self.words), placement) for name, placement in columns]
         labels = [metric.labelled(metric.titled(placement)) for metric, placement in about]
         corner = f"{', '.join(self.axes)}: method" if self.axes else "method"
-        return ResultTable(labels, rows, self.title, corner=corner)
+        idle = [axis for axis in self.axes if self._changes_nothing(axis)]
+        notes = [f"No number changes with {', '.join(idle)}."] if idle else []
+        return ResultTable(labels, rows, self.title, notes, corner)
+
+    def _changes_nothing(self, axis: str) -> bool:
+        """Whether every number is the same under each of the axis's values, all else equal."""
+        others = [name for name in self.axes if name != axis]
+        numbers = self.means.groupby([*others, *METRIC_FIELDS[:PLACE]], dropna=False)["value"]
+        levels = self.means[axis].nunique()
+        are_compared = levels > 1 and (numbers.size() == levels).all()
+        return bool(are_compared and (numbers.nunique(dropna=False) == 1).all())
 
     def page(self) -> str:
         """The text of a page about the sweep: its main metrics, and its figures."""

@@ -149,12 +149,11 @@ class Parts:
 
     def write(self, run_id: str, metrics_of_run: Sequence[MetricValue]) -> None:
         """Keeps a run's metrics. Raises ``UserError``."""
-        rows = [metric.row for metric in metrics_of_run]
         part = {
             "run_id": run_id,
             **provenance.environment(),
-            "metrics": rows,
-            "digest": _digest(rows),
+            "metrics": metrics_of_run,
+            "digest": _digest(metrics_of_run),
         }
         _write(self.parts / f"{run_id}.json", json.dumps(part))
 

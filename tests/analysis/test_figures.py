@@ -15,11 +15,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from genie_sim.analysis import figures, metrics, style
-from genie_sim.analysis.breakdown import parts_of, time_parts
 from genie_sim.cli.main import main
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import LOOKUPS, new_tables
-from genie_sim.record.results import MethodInfo, MetricValue
+from genie_sim.record.results import MethodInfo
 from genie_sim.record.tables import Table
 from genie_sim.sim.method import METHODS as METHOD_CLASSES
 from tests import make
@@ -296,47 +295,6 @@ def test_first_updates_do_not_flatten_the_confidence_boost(tables):
     assert axis.get_ylim()[1] < 0.2 * max(line.get_ydata().max() for line in axis.lines)
 
 
-def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
-    parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0}
-    measured = [
-        MetricValue("first_answer_part", "remote", "all", part, value, "ms")
-        for part, value in parts.items()
-    ]
-    both = [*measured, *(replace(one, metric="fresh_answer_part") for one in measured)]
-    later = [
-        replace(one, metric="fresh_answer_part", method="genie", value=2 * one.value)
-        for one in measured
-    ]
-    assert parts_of([*both, *later], METHODS) == {
-        "remote (R)": parts,
-        "Genie (DG), fresh": {part: 2 * value for part, value in parts.items()},
-    }
-    of_genie = [replace(one, method="genie") for one in measured]
-    assert list(parts_of([*of_genie, *later], METHODS)) == [
-        "Genie (DG), first",
-        "Genie (DG), fresh",
-    ]
-    axis = time_parts([*both, *later], METHODS, FOOTER).axes[0]
-    ends = [
-        max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y)
-        for y in (0, 1)
-    ]
-    assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
-
-
-def test_short_bars_are_drawn_again_on_a_scale_of_their_own():
-    means = {"local": 349.0, "remote": 52.5, "genie": 88.0}
-    measured = [
-        MetricValue(f"{answer}_part", method, "all", "inference", value, "ms")
-        for method, value in means.items()
-        for answer in ("first_answer", "fresh_answer")
-    ]
-    every, short = time_parts(measured, METHODS, FOOTER).axes
-    assert [text.get_text() for text in every.texts] == ["349", "52.5", "88"]
-    assert [tick.get_text() for tick in short.get_yticklabels()] == ["remote (R)"]
-    assert short.get_xlim()[1] < 100 < 349 < every.get_xlim()[1]
-
-
 def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tables):
     """A row each, of no more than 12, a point for each method; what is idle is left out."""
     run = make.run_of(tables=tables | {"resources": make.resources(6, 10).to_frame()})
@@ -356,7 +314,7 @@ def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tabl
     assert drawn == {
         (titles[method], name, value) for (method, name), value in use.items() if name in names
     }
-    idle = [replace(one, value=0.0) for one in run.measured]
+    idle = [one._replace(value=0.0) for one in run.measured]
     assert "resources" not in figures.of_run(replace(run, measured=idle))
 
 

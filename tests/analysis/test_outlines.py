@@ -6,7 +6,6 @@ import pandas as pd
 import pytest
 
 from genie_sim.analysis import figures, registry
-from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, Arm, ComparedRuns, Difference
 from genie_sim.analysis.points import differences, latency_accuracy
 from genie_sim.record.columns import Columns
@@ -58,18 +57,6 @@ def test_accuracy_versus_latency():
         for metric in accuracy(method.name, 9 + 150 * i, 0.3 + 0.1 * i)
     ]
     outline.check("latency accuracy", {"one run": latency_accuracy(one, METHODS, FOOTER)})
-
-
-def test_parts_of_the_time():
-    parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0, "genie": 1.5, "pending": 4.0}
-    measured = [
-        MetricValue(f"{answer}_answer_part", method.name, "all", part, (1 + 4 * i) * value, "ms")
-        for i, method in enumerate(METHODS)
-        for answer, scale in (("first", 1), ("fresh", 1 + i))
-        for part, value in parts.items()
-        if scale == 1 or part != "genie"
-    ]
-    outline.check("time parts", {"time_parts": time_parts(measured, METHODS, FOOTER)})
 
 
 def test_differences():

@@ -51,13 +51,9 @@ def test_one_metric_of_two_axes_is_lines_at_any_width(plane):
     assert "first answer, p99" in text and "rate" in text and "view_range [m]" in text
     assert main([*command, "--width", "acm-page", "--out", "g.svg"]) == 0
     assert size_in("g.svg")[0] == pytest.approx(7)
-    assert main(["figures", plane, "--width", "6", "--out", "six"]) == 0
-    assert {round(size_in(str(path))[0], 3) for path in Path("six").iterdir()} == {6}
     assert main([*command, "--width", "column", "--out", "h.svg"]) == 0
     assert size_in("h.svg")[0] == pytest.approx(252 / 72.27)
     assert "view_range [m] = " in words("h.svg"), "a line for each value of the second axis"
-    assert main(["figures", plane, "--width", "column", "--out", "columns"]) == 0
-    assert all(path.name.startswith(("rate-", "view_range-")) for path in Path("columns").iterdir())
 
 
 def test_a_sweep_says_what_it_cannot_draw(line, capsys):

@@ -31,7 +31,15 @@ FOLLOWED = [
 ]
 LONGEST_PAGE_S = 600
 # whole studies of several seeds; their commands are tested in tests/study and tests/cli
-NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "sweeps.md")
+NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "how-to/results.md", "sweeps.md")
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_the_readme_does_what_it_shows(tmp_path: Path, as_a_reader: dict[str, str]):
+    work = copied(REPOSITORY / "scenarios", tmp_path / "work" / "scenarios").parent
+    follow(REPOSITORY / "README.md", work, as_a_reader)
+    assert (work / "cdf.pdf").exists() and (work / "report.html").exists()
 
 
 @pytest.mark.process
@@ -53,8 +61,12 @@ def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[
     work.mkdir()
     if name.startswith("examples/"):
         copied(REPOSITORY / "examples", work / "examples")
+    follow(PAGES[name], work, as_a_reader)
+
+
+def follow(page: Path, work: Path, as_a_reader: dict[str, str]) -> None:
     followed = subprocess.run(
-        [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(PAGES[name])],
+        [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(page)],
         cwd=work,
         env=as_a_reader,
         capture_output=True,
@@ -74,7 +86,6 @@ def test_the_site_builds_without_a_warning(tmp_path: Path):
             "mkdocs",
             "build",
             "--strict",
-            "--quiet",
             "--site-dir",
             str(tmp_path / "site"),
         ],

@@ -40,7 +40,7 @@ def skip(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli):
-    window = "cars[0].route.window=[0 s, 2 s]"
+    window = "cars[0].route.window=[0 s, 3 s]"
     chosen = ("--methods", "local,genie,skip:Skip", "--set", window)
     ran = run_cli("run", "street_1car_hetero", *chosen, "--figures")
     assert ran.returncode == 0, ran.stderr

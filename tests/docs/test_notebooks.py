@@ -12,7 +12,7 @@ import pytest
 from tests.checkout import REPOSITORY
 
 NOTEBOOKS = sorted((REPOSITORY / "notebooks").glob("*.ipynb"))
-LONG = ("2_", "3_", "5_")  # the whole evaluation, and sweeps
+FIRST = "1_"  # is run each time, the others at night
 LONGEST_CELL_S = 600
 MOST_LINES = 40
 MOST_BASE64 = 200_000  # five figures of the paper
@@ -69,7 +69,7 @@ def test_a_notebook_is_kept_with_outputs_and_small_figures(path: Path):
 @pytest.mark.parametrize(
     "path",
     [
-        pytest.param(path, marks=pytest.mark.nightly if path.stem.startswith(LONG) else ())
+        pytest.param(path, marks=() if path.stem.startswith(FIRST) else pytest.mark.nightly)
         for path in NOTEBOOKS
     ],
     ids=lambda path: path.stem,

@@ -144,6 +144,7 @@ def test_a_car_tells_how_fast_it_is():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_order_of_value_sends_more_value_in_fewer_bytes(monkeypatch: pytest.MonkeyPatch):
     """As published, against their "agnostic" schedule: of what the cars of a town could send."""
     offered: list[list[Offer]] = []

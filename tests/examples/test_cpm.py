@@ -196,6 +196,7 @@ def test_what_the_car_has_not_seen_for_long_is_not_told():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_with_more_cars_the_channel_is_busier_and_cars_know_more():
     """Thandavarayan et al.: more messages, and the same cars know more of what is around."""
     methods = [{"name": "alone", "method": "local", "consumer": "tracker"}, "cpm:CPM"]

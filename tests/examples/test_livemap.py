@@ -194,6 +194,7 @@ def test_the_map_names_the_other_cars_that_saw_an_object_lately():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_choosing_is_faster_than_offloading_and_sees_more():
     run = gs.run(
         "livemap.yaml",

@@ -64,6 +64,7 @@ def false_objects(*changes: str) -> dict[tuple[str, bool], int]:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_map_at_the_edge_spreads_what_a_car_makes_up():
     lying, honest = false_objects(), false_objects("faults=[]")
     for others in (False, True):

@@ -102,6 +102,7 @@ def test_an_outage_of_one_link_loses_no_frame_of_two_copies():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_lost_copies_of_independent_links_multiply():
     """Of 30 % lost up and 30 % down, 51 % of one copy and 26 % of both get no answer: within three
     standard deviations.
@@ -116,6 +117,7 @@ def test_lost_copies_of_independent_links_multiply():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tail_is_shorter_than_that_of_one_uplink():
     """As published: the 99th percentile falls, and so does the share of missed deadlines."""
     import genie_sim as gs

@@ -47,7 +47,8 @@ class Street:
     def __post_init__(self):
         sidelink = replace(self.sidelink)
         self.stations: dict[str, Station] = {
-            host: sidelink.sender(self, LinkEnds(host, host, host, up=True)) for host in self.places
+            host: sidelink.transmitter(self, LinkEnds(host, host, host, up=True))
+            for host in self.places
         }
 
     def draws(self, *names):
@@ -211,6 +212,7 @@ def test_counts_of_receptions_are_those_of_the_messages():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_two_saturated_hosts_collide_once_in_sixteen_times():
     """Whatever the one has left of its backoff, the other draws one of sixteen anew, and one of
     these is equal.
@@ -229,6 +231,7 @@ def test_two_saturated_hosts_collide_once_in_sixteen_times():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_hidden_terminals_lose_what_overlaps():
     """Two Poisson senders that do not hear each other: a message reaches the host between them if
     the other sender begins none in the airtime before and in that after its own begin,
@@ -251,6 +254,7 @@ def test_hidden_terminals_lose_what_overlaps():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_each_reception_is_lost_by_itself():
     """A lone sender and four hosts: 20 % of the receptions are lost, and of two hosts both lose 4 %
     of the messages.

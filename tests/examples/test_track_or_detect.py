@@ -114,6 +114,7 @@ def test_a_crash_takes_the_frames_that_wait():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_it_beats_fixed_intervals_where_the_rate_changes():
     fixed = ["always_edge", "every_2nd", "every_5th", "every_10th", "always_track"]
     run = gs.run(

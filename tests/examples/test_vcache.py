@@ -160,6 +160,7 @@ def test_explorations_without_an_answer_are_forgotten():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("delta", [0.05, 0.1, 0.2])
 def test_the_bound_holds_where_the_law_is_true(delta: float):
     """Requests of any similarity; an answer is the same with a probability that is logistic."""
@@ -179,6 +180,7 @@ def test_the_bound_holds_where_the_law_is_true(delta: float):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_bound_is_one_for_each_cache_and_none_for_caches_in_series():
     deltas = {"d05": 0.05, "d10": 0.1, "d20": 0.2}
     run = gs.run("vcache.yaml", methods=["each", *deltas])

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from genie_sim.analysis import metrics, screen, summary
+from genie_sim.analysis import metrics, summary
+from genie_sim.analysis.metric import SHORT
 from genie_sim.base.matching import SAME_M, near, pairs, placed
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.judge.agreement import Agreement
@@ -171,10 +172,11 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     ).all()
     f1 = {one.method: one.value for one in made.measured if one.metric == "first_proxy_f1"}
     assert (f1["local"], f1["remote"]) == (1.0, 1.0)
-    told = " ".join(screen.text(made, 80, ()).split())
-    assert "proxy F1" not in told and "Proxy, and cache hits: against the" in told, "truth is known"
-    assert "wrong cache hits [%]" in summary.markdown(made)
-    assert summary.ABOUT_PROXIES not in summary.short_table(made).notes, "no row of either"
+    whole, brief = summary.main_table(made), summary.main_table(made, tier=SHORT)
+    assert not any("proxy F1" in row.title for row in whole.rows), "truth is known"
+    assert any(row.title == "wrong cache hits [%]" for row in whole.rows)
+    assert any(note.startswith("Proxy") for note in whole.notes)
+    assert not any(note.startswith("Proxy") for note in brief.notes), "no row of either"
 
 
 def test_answers_may_be_left_out_and_change_nothing_else():

@@ -160,10 +160,6 @@ def test_a_key_takes_its_time_where_it_is_made():
         if one.value is not None
     }
     assert value["fresh_answer_mean", "gap", ""] > 3 * value["fresh_answer_mean", "sim_lru", ""]
-    assert (
-        value["throughput", "gap", "car1.accelerator"]
-        > value["throughput", "sim_lru", "car1.accelerator"]
-    )
 
 
 def test_replays_live_in_the_world_or_before_the_camera():

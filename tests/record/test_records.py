@@ -8,7 +8,6 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +20,9 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Header
 from genie_sim.record import tables
 from genie_sim.record.open_frame import OpenFrame
-from genie_sim.record.records import FRAMES, LOOKUPS, OBJECTS, POSES, RESOURCES, SCHEMAS
-from genie_sim.record.results import MetricValue
+from genie_sim.record.records import FRAMES, OBJECTS, POSES, RESOURCES, SCHEMAS
 from genie_sim.record.tables import Column, Schema, Table
+from tests import make
 
 MS = 1_000_000
 
@@ -50,67 +49,11 @@ def a_short_drive(frames: int = 3) -> Table:
 
 
 def one_of_each() -> list[Table]:
-    lookups = Table(LOOKUPS)
-    lookups.append(
-        (
-            "genie",
-            5,
-            "car1/genie",
-            "car",
-            "image",
-            "client",
-            "car1",
-            "camera",
-            0,
-            "miss",
-            1,
-            0,
-            0,
-            0.0,
-            1,
-        )
-    )
-    lookups.append(
-        (
-            "genie",
-            9,
-            "car1/genie",
-            "car",
-            "boost",
-            None,
-            "car1",
-            "camera_02",
-            0,
-            None,
-            4,
-            2,
-            3,
-            0.12,
-            7,
-        )
-    )
-    resources = Table(RESOURCES)
-    resources.append(
-        ("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None, 0, 0)
-    )
-    resources.append(
-        ("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594, 0, 0)
-    )
     poses = Table(POSES)
     poses.append(("genie", "car1", "camera_02", 0, 0, 12.5, -3.0, 0.25, 1.4))
     objects = Table(OBJECTS)
     objects.append(("genie", 9, "car1/genie", 7, "car", 30.0, -1.0, 0.66))
-    return [a_short_drive(), lookups, resources, poses, objects]
-
-
-def test_a_frame_tells_what_happened_to_it():
-    frames = a_short_drive().to_frame()
-    answered = frames[(frames.car == "car1") & (frames.frame == 0)].iloc[0]
-    dropped = frames[(frames.car == "car2") & (frames.frame == 2)].iloc[0]
-    assert answered.first_answer_ns - answered.received_ns == 9 * MS
-    assert (answered.source, answered.image_hit, answered.objects_served) == ("own_cache", True, 3)
-    assert (dropped.source, dropped["drop"]) == ("none", "car2/detector:/image_raw")
-    assert np.isnan(dropped.first_answer_ns) and dropped.image_hit is None  # unknown is not False
+    return [a_short_drive(), make.lookups(1, 2), make.resources(1, 2), poses, objects]
 
 
 def test_frames_are_sorted_by_method_car_stream_and_frame():
@@ -120,28 +63,10 @@ def test_frames_are_sorted_by_method_car_stream_and_frame():
 
 
 def test_events_keep_their_order():
-    lookups = Table(LOOKUPS)
+    table = Table(OBJECTS)
     for t_ns, genie in ((3, "c"), (7, "b"), (7, "a"), (7, "d")):
-        lookups.append(
-            (
-                "genie",
-                t_ns,
-                genie,
-                "car",
-                "image",
-                "client",
-                "car1",
-                "camera_02",
-                0,
-                "hit",
-                1,
-                1,
-                0,
-                0.0,
-                1,
-            )
-        )
-    assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
+        table.append(("genie", t_ns, genie, 7, "car", 1.0, -1.0, 0.5))
+    assert list(table.to_frame().genie) == ["c", "b", "a", "d"]
 
 
 def test_rows_with_a_value_too_few_or_too_many_are_refused():
@@ -421,8 +346,3 @@ def test_a_large_table_of_a_run_is_read(tmp_path, monkeypatch):
     path = tmp_path / "objects.parquet"
     some_objects(Table(OBJECTS), at_once=30).write(path)
     assert len(tables.read(path, OBJECTS)) == 150_000
-
-
-def test_a_metric_s_row_has_its_fields_in_order():
-    metric = MetricValue("hops", "genie", "car", "", value=1.5, unit="1", low=1.0, high=2.0, n=3)
-    assert metric.row == astuple(metric)

@@ -30,13 +30,6 @@ def test_each_frame_has_one_pose_whatever_the_number_of_methods(tables):
     assert len(poses.merge(genie, on=key)) == len(genie) == len(poses)
 
 
-def test_poses_are_those_of_the_drive(tables):
-    """The street is driven east at 5 m/s: 0.5 m a frame."""
-    poses = tables["poses"].to_frame()
-    assert poses["east_m"].to_numpy() == pytest.approx(0.5 * poses["frame"].to_numpy())
-    assert (poses["heading_rad"] == 0).all()
-
-
 def test_a_map_changes_as_often_as_its_look_ups_say(tables):
     """Every sighting is a change: an update of what is known, or a new object. So the changes'
     gains add up to the boost of the look-ups, and the objects told apart to the entries of the map.

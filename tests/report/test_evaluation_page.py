@@ -10,12 +10,10 @@ from pathlib import Path
 
 import pytest
 
-import genie_sim as gs
 from genie_sim.cli.main import main
 from genie_sim.paper import claims, printed
 from genie_sim.paper.reproduce import FILES, Reproduction
 from genie_sim.record import provenance
-from genie_sim.report import template
 from tests.checkout import copied, sign
 from tests.report.pages import EVIL, MEGABYTE, asked_for, middle, picture
 
@@ -172,9 +170,3 @@ def test_markup_in_results_is_shown_as_text(browser, folder):
     assert browser.evaluate("typeof window.hacked") == "undefined"
     assert browser.errors == []
     assert asked_for(browser) == [Path("report.html").absolute().as_uri()]
-
-
-@pytest.mark.slow
-def test_a_page_that_cannot_be_written_is_named():
-    with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
-        template.write(Path("no/such/r.html"), Reproduction.read(PAPER).page())

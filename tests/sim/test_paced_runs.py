@@ -143,6 +143,7 @@ def test_a_repeated_route_is_looked_at_as_often_as_the_first_time():
     assert counts[1] == pytest.approx(counts[0], rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_standing_car_is_looked_for_only_without_a_cache():
     """At a red light every frame equals the one before to a cache of poses."""
     result = run_in_memory(load_scenario("red_light"))

@@ -214,14 +214,6 @@ def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(sett
         assert (steps["begin"] == known["received_ns"]).all() and (
             steps["end"] == known[f"{which}_answer_ns"]
         ).all()
-        means = {
-            one.method: one.value for one in run.measured if one.metric == f"{which}_answer_mean"
-        }
-        parts = dict.fromkeys(means, 0.0)
-        for one in run.measured:
-            if one.metric == f"{which}_answer_part":
-                parts[one.method] += one.value
-        assert parts == pytest.approx(means, rel=1e-9)
     took = run.steps["end_ns"] - run.steps["begin_ns"]
     assert (took > 0).all(), "what takes no time is no step"
     waits = (

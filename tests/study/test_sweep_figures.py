@@ -64,6 +64,7 @@ def runs(columns: dict[str, list[object]], seeds: int = 3) -> pd.DataFrame:
 
 RATE = {"set": "genie.object_map.rate", "list": [0.1, 0.2, 0.5]}
 GATE = {"set": "genie.object_map.gate", "grid": {"from": "1 m", "to": "64 m", "points": 3}}
+LOGARITHMIC = {"from": 0.01, "to": 1, "points": 4, "scale": "log"}
 RULE = {"set": "genie.object_map.rule", "list": ["ema", "noisy_or"]}
 
 
@@ -102,7 +103,8 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
     table = runs({"rule": ["ema", "noisy_or"], "view [m]": [12.0, 45.0, 88.0]}, seeds=1)
     drawn = dict(SweepFigures(load_design(Path("s.yaml")), table, TITLES, "made up").drawn())
     assert {name.partition("-")[0] for name in drawn} == {"rule", "view"}
-    assert "averaged over" in str(drawn["rule"].get_suptitle())
+    for name, figure in drawn.items():
+        assert ("averaged over" in str(figure.get_suptitle())) == (name == "rule"), name
     outline.check("sweep with samples", drawn)
 
 
@@ -110,9 +112,11 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
 @pytest.mark.parametrize("width_in", [7.16, 3.5, 3.33])
 @pytest.mark.parametrize("many", [False, True], ids=["few values", "many values"])
 def test_nothing_is_clipped_or_overlaps_at_any_width(width_in: float, many: bool):
-    rates = [0.1, 0.15, 0.2, 0.35, 0.5] if many else [0.1, 0.2, 0.5]
+    rates, decades = [0.1, 0.2, 0.5], {"list": [0.1, 0.2, 0.5]}
+    if many:  # 0.01, 0.04642, 0.2154, 1
+        rates, decades = np.geomspace(0.01, 1, 4), {"grid": LOGARITHMIC}
     names = ["noisy_or", "exponential", "a very long name of a value", "max"][: 4 if many else 2]
-    crossed = design({"rate": RATE | {"list": rates}, "rule": RULE})
+    crossed = design({"rate": {"set": RATE["set"], **decades}, "rule": RULE})
     table = runs({"rate": list(rates), "rule": list(names)})
     figures = SweepFigures(crossed, table, TITLES, "made up", width_in)
     drawn = {**dict(figures.drawn()), "one": figures.of("streaming_f1")}

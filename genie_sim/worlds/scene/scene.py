@@ -24,8 +24,7 @@ from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, VisibleObjects
 if TYPE_CHECKING:
     from genie_sim.worlds.scene.frames import SceneDrive, SceneFrame
 
-
-MAX_FRAMES = 100_000_000
+MAX_FRAMES = 100_000_000  # of a camera
 
 
 class SceneVisibility(Protocol):
@@ -39,19 +38,17 @@ class SceneVisibility(Protocol):
     def near(
         self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
     ) -> PlacedObjects:
-        """All objects that are within a distance [m] of places (n,) at their times (n,), whether
-        they can be seen or not, and maybe others: those of the place's ``class_``
-        (n,) are among them.
+        """Objects near places (n,) at their times (n,), whether they can be seen or not: all of a
+        place's ``class_`` (n,) that are within a distance [m] of it, and maybe others.
         """
 
 
 class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
-    A subclass gives ``digest``, ``objects``, ``visibility`` and ``facts``. The same
-    ``digest`` is the same scene: the sha256 of all that decides what cameras see. No random number
-    hangs on it, but on ``random_name`` and the seed: other settings are another scene of the same
-    draws.
+    A subclass gives ``digest``, ``objects``, ``visibility`` and ``facts``. The same ``digest`` is
+    the same scene: the sha256 of all that decides what cameras see. No random number hangs on it,
+    but on ``random_name`` and the seed: other settings are another scene of the same draws.
     """
 
     name: ClassVar[str]

@@ -93,3 +93,11 @@ def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array
     steep_m = np.where(np.abs(way_m) < 1e-9, 1e-9, way_m)
     first, last = (middle_m - half_m) / steep_m, (middle_m + half_m) / steep_m
     return np.minimum(first, last), np.maximum(first, last)
+
+
+def inside(along: tuple[Array, Array], across: tuple[Array, Array]) -> tuple[Array, Array]:
+    """From which share of a line to which it is in a rectangle, by those ``between`` its ends and
+    its sides; where it never is, the first is not less than the last.
+    """
+    first = np.maximum(np.maximum(along[0], across[0]), 0.0)
+    return first, np.minimum(np.minimum(along[1], across[1]), 1.0)

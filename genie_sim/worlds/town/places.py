@@ -24,6 +24,7 @@ from genie_sim.worlds.scene.view import (
     VisibleObjects,
     between,
     in_view,
+    inside,
     near_pairs,
 )
 from genie_sim.worlds.town.rules import TownRules
@@ -148,8 +149,7 @@ class Places:
         """
         hidden = np.zeros(len(east_m[0]), dtype=bool)
         for along, across in itertools.product(self._between(*east_m), self._between(*north_m)):
-            enters = np.maximum(np.maximum(along[0], across[0]), 0.0)
-            hidden |= enters < np.minimum(np.minimum(along[1], across[1]), 1.0)
+            hidden |= np.less(*inside(along, across))
         return hidden
 
     def _between(self, from_m: Array, to_m: Array) -> list[tuple[Array, Array]]:

@@ -15,6 +15,7 @@ from genie_sim.worlds.scene.view import (
     VisibleObjects,
     between,
     in_view,
+    inside,
 )
 from genie_sim.worlds.traffic.vehicles import Vehicles
 
@@ -98,8 +99,7 @@ class TrafficView:
         across = between(
             by_y * c - by_x * s, to_y * c - to_x * s, self._vehicles.widths_m[vehicle] / 2
         )
-        enters = np.maximum(np.maximum(along[0], across[0]), 0.0)
-        leaves = np.minimum(np.minimum(along[1], across[1]), 1.0)
+        enters, leaves = inside(along, across)
         rise_m = self._objects.up_m[visible.row[target]] - CAMERA_UP_M
         lowest_m = CAMERA_UP_M + np.minimum(enters * rise_m, leaves * rise_m)
         hides = (enters < leaves) & (lowest_m < self._vehicles.heights_m[vehicle])

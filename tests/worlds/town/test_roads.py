@@ -82,20 +82,6 @@ def test_turns_are_taken_slowly(ways):
         ).max() <= LEFT_MPS + 0.2  # a step may end after the turn
 
 
-def test_on_other_streets_the_lower_limit_holds(ways):
-    """A car that drives along a street, away from its ends, keeps to that street's own limit."""
-    for way in ways:
-        steps = np.diff(way, axis=0) * NS_PER_S / STEP_NS
-        for here, (east, north) in zip(way[:-1], steps, strict=True):
-            if max(abs(east), abs(north)) > 7 and min(abs(east), abs(north)) < 1e-6:
-                street = (
-                    round(here[1] / RULES.block_m)
-                    if abs(east) > abs(north)
-                    else round(here[0] / RULES.block_m)
-                )
-                assert max(abs(east), abs(north)) <= RULES.limit_mps(street) + 1e-6
-
-
 def test_a_light_is_green_for_one_street_at_a_time():
     for t_s in np.arange(0, 2 * CYCLE_S, 0.5):
         assert green_at((4, 8), True, t_s) > t_s or green_at((4, 8), False, t_s) > t_s
