@@ -244,7 +244,7 @@ def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
     assert "streaming F1" in screen.text(run)
     assert "zero-delay detector" in screen.text(run, 200)
     assert any(name.startswith("truth of") for name in run.facts["traces"])
-    assert set(rerun(made.folder).files.values()) == {"identical"}, "the same bytes"
+    assert set(rerun(made.folder).values()) == {"identical"}, "the same bytes"
 
 
 @pytest.mark.parametrize("settings", [(), ("consumer=tracker",)], ids=["newest", "tracker"])

@@ -333,7 +333,7 @@ def test_caches_on_cars_may_have_a_capacity_of_their_own():
 @pytest.mark.slow
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
     result = run_to_folder(small(), tmp_path)
-    assert set(rerun(result.folder).files.values()) == {"identical"}
+    assert set(rerun(result.folder).values()) == {"identical"}
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,17 @@ def test_the_table_has_a_row_for_each_point_and_method(swept: sweep.Sweep):
     assert lines[2] == "| 0, rule0: local (L) | 0.5 | - |"
     assert lines[5] == "| 0.1, rule1: Genie (DG) | 1.5 | 150 |"
     assert len(lines) == 2 + 52
+
+
+def test_an_axis_that_changes_nothing_is_told(swept: sweep.Sweep):
+    few = swept.means[swept.means["point"] < 2]
+    points = [
+        few.assign(rule=rule, point=few["point"] + 2 * number)
+        for number, rule in enumerate(("lru", "lfu"))
+    ]
+    for format in ("markdown", "latex"):
+        text = replace(swept, means=pd.concat(points)).text(format)
+        assert "No number changes with rule." in text
 
 
 def test_a_paper_has_intervals_and_the_first_rows_alone(swept: sweep.Sweep):
