@@ -75,6 +75,8 @@ def traces(
 ) -> dict[str, ImportedCar]:
     """The traces of cars that share a clock, by their names.
 
+    Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
+
     Parameters
     ----------
     frames : of each car, in any order, with stamps of that clock
@@ -89,8 +91,6 @@ def traces(
     range_m : up to which objects are judged
     detected_in, truth_in : the files that detections and truth stand in, if they are others than
         the report's
-
-    Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
     if first_ns is None:
         first_ns = min(

@@ -14,8 +14,6 @@ from genie_sim.report import pages, template
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE = "compare.html"
-
 
 def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[str, Figure]":
     """The paired differences, overlaid distributions of first answers, and accuracy versus latency
@@ -57,10 +55,11 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     for name, suffix in renderers.FORMATS.items():
         renderers.write(folder / f"table{suffix}", compare_tables.text(comparison, name), name)
     drawn: dict[str, Figure] = {}
+    page = folder / "compare.html"
     with folders.derived(folder) as attempt:
         with attempt("figures"):
             drawn = figures(comparison)
             save_all(drawn, provenance.contained(folder, "figures"), ("svg", "png"))
-        with attempt(PAGE):
-            template.write(folder / PAGE, pages.of_comparison(comparison, drawn))
-    return folder / PAGE
+        with attempt(page.name):
+            template.write(page, pages.of_comparison(comparison, drawn))
+    return page
