@@ -282,7 +282,7 @@ def test_run_writes_the_page_unless_told_not_to(capsys):
     assert (bare / "report.html").read_bytes() == (made / "report.html").read_bytes()
     for folder in (made, bare):
         assert main(["rerun", str(folder)]) == 0
-    assert "report.html: identical" in capsys.readouterr().out
+    assert "metrics.json: identical" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
