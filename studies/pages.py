@@ -15,7 +15,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from genie_sim.analysis.renderers import markdown_rows
-from genie_sim.analysis.style import COLUMN_IN
 from genie_sim.study.design import load_design
 from genie_sim.study.figures import SweepFigures
 from tools.page_tables import filled
@@ -118,11 +117,10 @@ def two_streets() -> str:
 
 
 def streets_picture() -> Figure:
-    """Streaming F1 with each uplink, a panel for each street."""
+    """Streaming F1 on each street with each uplink, a panel for each method."""
     points = points_of("two_streets").query("component == ''").assign(seed=0)
     titles = {method: METHODS[method] for method in points["method"]}
-    figures = SweepFigures(load_design("two_streets"), points, titles, "", COLUMN_IN)
-    return figures.along("uplink", points, ["street"], metrics=["streaming_f1"])
+    return SweepFigures(load_design("two_streets"), points, titles, "").of("streaming_f1")
 
 
 def failing_edge() -> str:

@@ -5,6 +5,7 @@ To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SO
 scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -145,8 +146,9 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
     if not beside.is_file():
         way = "nor pictures to make it of"
         if about["drive"]:
-            command = f"genie-sim perceive --drive {about['drive']} --encoding {encoding} --out "
-            way = f"'{command}{beside}', with the options that made {path.name}, makes it"
+            words = ["genie-sim", "perceive", "--drive", str(about["drive"])]
+            words += ["--encoding", encoding, "--out", str(beside)]
+            way = f"'{shlex.join(words)}', with the options that made {path.name}, makes it"
         raise UserError(
             f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {way}"
         )
@@ -155,10 +157,6 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
     encoded = read_trace(beside)
     if encoded.provenance.get("parameters", {}).get("encoding") != encoding:
         raise UserError(f"{beside}: is not of pictures encoded as {encoding}")
-    if _pictures(encoded) != _pictures(trace):
-        raise UserError(
-            f"{beside}: is not of the pictures of {path.name}; make it again, or take it away"
-        )
     for fact, value in _perceived(encoded).items():
         if value != about[fact]:
             raise UserError(
@@ -169,16 +167,13 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
 
 
 def _perceived(trace: "Trace") -> dict[str, Any]:
-    """What decides, beside the pictures, what a detector finds in them."""
-    about = {fact: trace.provenance.get(fact) for fact in ("drive", "detector", "weights_sha256")}
-    parameters = dict(trace.provenance.get("parameters", {}))
-    parameters.pop("encoding", None)
-    return {**about, "parameters": parameters}
-
-
-def _pictures(trace: "Trace") -> list[tuple[str, int, str]]:
-    return [
+    """Pictures, and what decides what a detector finds in them."""
+    pictures = [
         (frame.camera, frame.stamp_ns, frame.digest)
         for camera in sorted(trace.frames)
         for frame in trace.frames[camera]
     ]
+    about = {fact: trace.provenance.get(fact) for fact in ("drive", "detector", "weights_sha256")}
+    parameters = dict(trace.provenance.get("parameters", {}))
+    parameters.pop("encoding", None)
+    return {"pictures": pictures, **about, "parameters": parameters}

@@ -260,9 +260,7 @@ def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street,
         UserError, match=r"mine.jpeg90.parquet: is not of pictures encoded as jpeg90"
     ):
         encoded_beside(path, raw, "jpeg90")
-    with pytest.raises(
-        UserError, match=r"mine.png.parquet: is not of the pictures of mine.parquet"
-    ):
+    with pytest.raises(UserError, match=r"mine.png.parquet: pictures: is not that of mine.parquet"):
         encoded_beside(path, read_trace(SHIPPED), "png")
 
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from genie_sim.core.messages import Box, Location
-from genie_sim.data.kitti.number_files import numbers
+from genie_sim.data.kitti.number_files import numbers, picture_size
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.kitti.pipeline import TYPICAL_GROUND
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence
@@ -102,7 +102,7 @@ def tracking_trace(
                 camera=CAMERA,
                 index=index,
                 stamp_ns=index * FRAME_NS,
-                picture=Picture(drive.size, digest, int(digest[:16], 16)),
+                picture=Picture(_size(drive), digest, int(digest[:16], 16)),
                 world_SE3_camera=drive.world_SE3_camera2(index),
                 intrinsics=drive.intrinsics,
                 detections=likely,
@@ -130,13 +130,23 @@ def tracking_trace(
     return imported[name].trace
 
 
+def _size(drive: TrackingSequence) -> tuple[int, int]:
+    """Width and height of the pictures, by the day that has their focal length."""
+    focal_px = float(drive.intrinsics[0, 0])
+    size = picture_size(focal_px)
+    if size is None:
+        where = f"calib/{drive.name}.txt: P2"
+        raise UserError(f"{where}: none of KITTI's days has a focal length of {focal_px:g} pixels")
+    return size
+
+
 def _published(
     path: Path, detector: str, label: str, drive: TrackingSequence
 ) -> Iterator[tuple[int, Detection]]:
     """Frame number and detection of each line of a file."""
     columns, read = PUBLISHED[detector]
     no_scan = Placement(
-        drive.intrinsics, drive.size, drive.camera2_SE3_velo, None, ground=TYPICAL_GROUND
+        drive.intrinsics, _size(drive), drive.camera2_SE3_velo, None, ground=TYPICAL_GROUND
     )
     for row in numbers(path, columns).tolist():
         index = int(row[0])

@@ -9,7 +9,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.kitti.number_files import matrices, named_rows, picture_size
+from genie_sim.data.kitti.number_files import matrices, named_rows
 from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 TRACKING = "tracking/"  # so the name of a drive begins that is a sequence of the benchmark
@@ -28,8 +28,7 @@ CALIBRATION = (
 class TrackingSequence:
     """One sequence: where the rectified camera 0, whose frame the labels are in, was at each frame.
 
-    ``intrinsics`` are those of camera 2 and ``camera2_SE3_camera0`` where it looks from; ``size``
-    is that of its pictures (width, height).
+    ``intrinsics`` are those of camera 2 and ``camera2_SE3_camera0`` where it looks from.
     """
 
     name: str
@@ -38,7 +37,6 @@ class TrackingSequence:
     camera2_SE3_camera0: Array
     camera2_SE3_velo: Array
     intrinsics: Array
-    size: tuple[int, int]
 
     def world_SE3_camera2(self, frame: int) -> Array:
         return self.world_SE3_camera0[frame] @ inverse(self.camera2_SE3_camera0)
@@ -76,26 +74,4 @@ def open_sequence(
         camera2_SE3_camera0=camera2_SE3_camera0,
         camera2_SE3_velo=camera2_SE3_camera0 @ camera0_SE3_velo,
         intrinsics=intrinsics,
-        size=_picture_size(path, training / "image_02" / sequence, float(intrinsics[0, 0])),
     )
-
-
-def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[int, int]:
-    """Width and height of a sequence's pictures: by the day that has this focal length, else those
-    of a picture.
-    """
-    size = picture_size(focal_px)
-    if size is not None:
-        return size
-    picture = next(
-        iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None
-    )
-    if picture is None:
-        raise UserError(
-            f"{calibration}: P2: how large are the pictures? None of KITTI's days has a focal "
-            f"length of {focal_px:g} pixels: put one picture into {pictures}"
-        )
-    from genie_sim.data.kitti.drive import read_image
-
-    height, width = read_image(picture).shape[:2]
-    return width, height
