@@ -24,9 +24,9 @@ from genie_sim.extend import (
     MessageRandom,
     Network,
     Occupancy,
-    Sender,
     Steps,
     Subscriber,
+    Transmitter,
 )
 
 MBIT = 10**6
@@ -67,7 +67,7 @@ class Sidelink:
         self._places: list[tuple[float, float]] = []  # of the stations, in their order
         self._places_of = -1  # the tenth of a second
 
-    def sender(self, network: Network, ends: LinkEnds) -> "Station":
+    def transmitter(self, network: Network, ends: LinkEnds) -> "Station":
         """The station of a host: a car, or an edge that has a place."""
         station = Station(network, ends, self)
         self._stations.append(station)
@@ -110,7 +110,7 @@ class Broadcasting:
     lost_at: set["Station"] = field(default_factory=set)
 
 
-class Station(Sender):
+class Station(Transmitter):
     """A host on the channel. It sends one message at a time.
 
     As a resource it is the channel as the host senses it: its utilization is the channel busy
@@ -161,7 +161,7 @@ class Station(Sender):
         return site
 
     def transmit(self, size_bytes: int) -> simpy.Event:
-        """Sends a message, see ``Sender``; then ``heard_by`` says who has received it."""
+        """Sends a message, see ``Transmitter``; then ``heard_by`` says who has received it."""
         self.heard_by = ()
         if not self._is_available:  # lost by what took it away
             return self.clock.timeout(0)
@@ -286,7 +286,7 @@ class Broadcast(Subscriber):
         self._link = network.add_link(
             ends, sidelink, part="edges", dropped=lambda message, where: None
         )
-        station = self._link.sender
+        station = self._link.transmitter
         assert isinstance(station, Station)
         self._station = station
         self.address, self.host = f"{graph.name}/broadcast", graph.name

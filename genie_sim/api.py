@@ -233,7 +233,7 @@ def sweep(
     The sweep's ``metrics`` are a table: one row per point, metric, method, placement and component,
     with the axes' values, the mean over seeds (``value``), its 95 % t interval (``low``, ``high``)
     and the number ``n`` of runs; ``every_run`` has one row a run instead. It draws its figures
-    (``sweep.figure("gate")``) and compares (``sweep.differences("method", to="remote")``).
+    (``sweep.figure("streaming_f1")``) and compares (``sweep.differences("method", to="remote")``).
 
     Parameters
     ----------

@@ -91,8 +91,8 @@ from genie_sim.tracks.track import (
 from genie_sim.sim.link_model import (
     LinkModel as LinkModel,
     LinkEnds as LinkEnds,
-    Sender as Sender,
-    TimedSender as TimedSender,
+    Transmitter as Transmitter,
+    TimedTransmitter as TimedTransmitter,
     LINK as LINK,
 )
 from genie_sim.sim.message_random import MessageRandom as MessageRandom

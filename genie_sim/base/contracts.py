@@ -11,7 +11,7 @@ WHOLE = "a whole number, 0 or more"
 
 def require(holds: bool, what: str, value: object, expected: str) -> None:
     """Raises ``UserError`` unless ``value`` is as ``expected``; ``what`` names the class, and what
-    it is of it, such as ``link model 'mine:Radio': sender()``.
+    it is of it, such as ``link model 'mine:Radio': transmitter()``.
     """
     if not holds:
         raise UserError(f"{what} is {short_repr(value)}, but must be {expected}")

@@ -187,6 +187,10 @@ class GenieNode:
     def _on_answer(self, topic: str, message: Answer, is_remote: bool, now_ns: int) -> list[Effect]:
         """Lines 7 to 11: the message is an answer, to a pending request if that is here. Line 9
         comes before the test of line 8: what nobody here has asked for feeds the map, too.
+
+        The cache stores all of its objects, with the map's confidences. Clients get those that are
+        confident (C_T), clients on this host all with ``fresh_objects: all``; other Genies get the
+        confident ones, or all with ``share_filter: all``.
         """
         rules, effects = self.rules, list[Effect]()
         is_learned = not is_remote or rules.car_learns == "all"

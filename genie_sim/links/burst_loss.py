@@ -66,6 +66,8 @@ class LossProcess:
         end = first + count
         while self._until < end:
             self._add_burst(self._until + int(self._rng.geometric(self._begins)))
+            if self._until <= first:
+                self._bursts.pop()  # a link that was silent for long needs no list of them
         while self._bursts and self._bursts[0][1] <= first:
             self._bursts.popleft()
         return any(begin < end for begin, _ in self._bursts)

@@ -10,7 +10,7 @@ from genie_sim.base.marks import Bounds, Count
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.links.path_loss import StreetCanyon
 from genie_sim.sim.clock import Occupancy, Steps
-from genie_sim.sim.link_model import LinkEnds, Sender
+from genie_sim.sim.link_model import LinkEnds, Transmitter
 from genie_sim.sim.network import Network
 
 PLACES_NS = 100 * NS_PER_MS  # how often the rates follow the cars' places
@@ -111,12 +111,12 @@ class RadioCell:
 
     needs_cars = True  # it cannot be the network between edges
 
-    def sender(self, network: Network, ends: LinkEnds) -> "CellSender":
+    def transmitter(self, network: Network, ends: LinkEnds) -> "CellTransmitter":
         if not self._directions:
             for edge in network.edges:
                 self._add_cell(network, edge)
         direction, loss = self._directions[ends.edge, ends.up], self._losses.get(ends.edge)
-        return CellSender(network, ends, cell=self, direction=direction, loss=loss)
+        return CellTransmitter(network, ends, cell=self, direction=direction, loss=loss)
 
     def _add_cell(self, network: Network, edge: str) -> None:
         """The cell of an edge: one direction up and one down."""
@@ -156,7 +156,7 @@ class RadioCell:
         return int(used_hz * band.layers * efficiency)
 
 
-class CellSender(Sender):
+class CellTransmitter(Transmitter):
     """One direction of one car's link.
 
     Parameters
@@ -232,7 +232,7 @@ class Transmission:
     alone.
     """
 
-    sender: CellSender
+    transmitter: CellTransmitter
     size_bytes: int
     left: int
     rate_bps: int
@@ -272,14 +272,14 @@ class CellDirection:
         """How long somebody has been sending until now."""
         return self._busy_ns + (self.clock.now - self._since_ns if self._active else 0)
 
-    def begin(self, sender: CellSender, size_bytes: int) -> None:
-        """A sender has a message."""
+    def begin(self, transmitter: CellTransmitter, size_bytes: int) -> None:
+        """A transmitter has a message."""
         self._advance()
-        rate_bps = sender.alone_bps()
+        rate_bps = transmitter.alone_bps()
         uncovered_ns = None if rate_bps else self.clock.now
         self._transmissions.append(
             Transmission(
-                sender,
+                transmitter,
                 size_bytes,
                 left=size_bytes * 8 * NS_PER_S,
                 rate_bps=rate_bps,
@@ -292,10 +292,10 @@ class CellDirection:
             self._is_following = True
             self.clock.process(self._follow())
 
-    def give_up(self, sender: CellSender) -> None:
-        """A sender's link is taken away."""
+    def give_up(self, transmitter: CellTransmitter) -> None:
+        """A transmitter's link is taken away."""
         self._advance()
-        (transmission,) = (item for item in self._transmissions if item.sender is sender)
+        (transmission,) = (item for item in self._transmissions if item.transmitter is transmitter)
         self._transmissions.remove(transmission)
         self.occupancy.leave()
         self._replan()
@@ -336,7 +336,7 @@ class CellDirection:
         for transmission in complete:
             self.completed += 1
             self.sent_bytes += transmission.size_bytes
-            transmission.sender.end()
+            transmission.transmitter.end()
 
     def _follow(self) -> Steps:
         """The rates follow the places of the cars, as long as somebody sends."""
@@ -350,7 +350,7 @@ class CellDirection:
 
     def _update_rates(self) -> None:
         now_ns = self.clock.now
-        rates_bps = [transmission.sender.alone_bps() for transmission in self._transmissions]
+        rates_bps = [transmission.transmitter.alone_bps() for transmission in self._transmissions]
         if rates_bps == [transmission.rate_bps for transmission in self._transmissions]:
             return
         self._advance()
@@ -374,7 +374,7 @@ class CellDirection:
             self.occupancy.leave()
             self.drops += 1
         for transmission in failures:
-            transmission.sender.end(is_lost=True)
+            transmission.transmitter.end(is_lost=True)
 
 
 def _has_failed(transmission: Transmission, now_ns: int) -> bool:

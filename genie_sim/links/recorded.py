@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.links.recording import LinkRecording, StepFunction, read
-from genie_sim.sim.link_model import LinkEnds, TimedSender
+from genie_sim.sim.link_model import LinkEnds, TimedTransmitter
 
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
@@ -73,8 +73,8 @@ class RecordedLink:
         read_files = {role: read(path) for role, path in files.items() if path is not None}
         return {f"{role} {file.path.stem}": file.digest for role, file in read_files.items()}
 
-    def sender(self, network: "Network", ends: LinkEnds) -> "RecordedSender":
-        return RecordedSender(self, network, ends)
+    def transmitter(self, network: "Network", ends: LinkEnds) -> "RecordedTransmitter":
+        return RecordedTransmitter(self, network, ends)
 
     def steps(self, name: str | None, column: str, constant: int) -> StepFunction:
         """A recording's column over time; ``constant`` where it has none, or there is none."""
@@ -88,7 +88,7 @@ class RecordedLink:
         return self.begin_ns if self.offset == "begin" else int(share * steps.period_ns)
 
 
-class RecordedSender(TimedSender):
+class RecordedTransmitter(TimedTransmitter):
     """One direction of a recorded link."""
 
     def __init__(self, link: RecordedLink, network: "Network", ends: LinkEnds) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from genie_sim.base.marks import Bounds, Share
 from genie_sim.base.units import NS_PER_S
 from genie_sim.links.burst_loss import BurstLoss, LossProcess
-from genie_sim.sim.link_model import LinkEnds, TimedSender
+from genie_sim.sim.link_model import LinkEnds, TimedTransmitter
 
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
@@ -54,11 +54,11 @@ class Wire:
         """The number of segments of a message."""
         return -(-size_bytes // self.mtu_payload_bytes)
 
-    def sender(self, network: "Network", ends: LinkEnds) -> "WireSender":
-        return WireSender(self, network, ends)
+    def transmitter(self, network: "Network", ends: LinkEnds) -> "WireTransmitter":
+        return WireTransmitter(self, network, ends)
 
 
-class WireSender(TimedSender):
+class WireTransmitter(TimedTransmitter):
     """One direction of a wire."""
 
     def __init__(self, wire: Wire, network: "Network", ends: LinkEnds) -> None:

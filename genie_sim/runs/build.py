@@ -16,7 +16,7 @@ from genie_sim.scenario.profiles import DeviceProfile, KeyTime
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.device import Device, HopTime, ServiceTime
 from genie_sim.sim.encoding import ImageCodec
-from genie_sim.sim.interface import Interface
+from genie_sim.sim.interface import NetworkInterface
 from genie_sim.sim.link_model import LINK, LinkModel
 from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
 from genie_sim.sim.settings import Car
@@ -61,7 +61,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     )
 
 
-def _interfaces(scenario: Scenario) -> dict[str, Interface]:
+def _interfaces(scenario: Scenario) -> dict[str, NetworkInterface]:
     """The network interface of each car with an edge, where its kind is known."""
     interfaces = {}
     for car in scenario.cars:
@@ -69,7 +69,7 @@ def _interfaces(scenario: Scenario) -> dict[str, Interface]:
             continue
         name = _interface_of(car.link) if scenario.interface == "auto" else scenario.interface
         if name is not None:
-            interfaces[car.name] = Interface(name, INTERFACES[name].tail_time_ns)
+            interfaces[car.name] = NetworkInterface(name, INTERFACES[name].tail_time_ns)
     return interfaces
 
 

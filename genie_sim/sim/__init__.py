@@ -23,8 +23,7 @@ Words that all of these use:
 
 - The *path* of a message: the spans of time since its frame was taken, by what took them.
   ``clock.path`` is that of the message which is handled now (``clock.Clock`` says how to keep it).
-- The ``sender`` of a message: the name of the node that published it, also on another host. (A
-  ``link_model.Sender`` is what carries one direction of a link.)
+- The ``sender`` of a message: the name of the node that published it, also on another host.
 - A *flow*: messages that push each other out of a queue, such as those of a topic or a camera.
 - A fault may *bend* a host (change what crosses its border), *void* it (what is queued and in
   service is lost), and make its nodes *lose memory* (they start anew).

@@ -6,7 +6,7 @@ if TYPE_CHECKING:
     from genie_sim.sim.link import Link
 
 
-class Interface(NamedTuple):
+class NetworkInterface(NamedTuple):
     """The kind of a car's network interface, and how long one stays awake after a transfer."""
 
     name: str

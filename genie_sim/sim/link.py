@@ -1,4 +1,4 @@
-"""Links: a queue, a sender that takes its time, a delay, and losses on the way."""
+"""Links: a queue, a transmitter that takes its time, a delay, and losses on the way."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from genie_sim.sim.bends import NO_BORDER, Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
 from genie_sim.sim.encoding import Coder, ImageCodec
 from genie_sim.sim.interface import InterfaceUse
-from genie_sim.sim.link_model import Sender
+from genie_sim.sim.link_model import Transmitter
 from genie_sim.sim.monitor import Part, Span, SpanLabel
 from genie_sim.sim.ros_graph import Dropped, Graph, Subscriber, ignore_drop
 
@@ -37,11 +37,11 @@ class Transfer:
 
 
 class Link:
-    """One direction between two hosts: a queue, then the sender of a link model. It is a process.
+    """One direction between two hosts, a process: a queue, then the transmitter of a link model.
 
     Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS
-    publisher does. Messages stay in order, as with TCP. A message is lost where the sender says
-    so, or if a fault has cut the link at the moment its last bit leaves.
+    publisher does. Messages stay in order, as with TCP. A message is lost where the transmitter
+    says so, or if a fault has cut the link at the moment its last bit leaves.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Link:
         The run's clock.
     name : str
         ``FROM->TO``.
-    sender : Sender
+    transmitter : Transmitter
         One direction of a link model.
     part : {"uplink", "downlink", "edges"}
         What the time on the link counts as.
@@ -66,7 +66,7 @@ class Link:
         self,
         clock: Clock,
         name: str,
-        sender: Sender,
+        transmitter: Transmitter,
         *,
         part: Part = "edges",
         queue_length: int = 1,
@@ -81,7 +81,7 @@ class Link:
         self._cut_off: list[tuple[str, str]] = []  # hosts that faults keep from it, and the faults
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
-        self.sender = sender
+        self.transmitter = transmitter
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
@@ -180,8 +180,8 @@ class Link:
                     self.interface.begin(clock.now)
             self._sending = transfer
             clock.waited(transfer.path, self._queueing)
-            self.sender.random.begin(transfer.message, transfer.host)
-            yield from clock.wait(self.sender.transmit(transfer.size_bytes), self._transport)
+            self.transmitter.random.begin(transfer.message, transfer.host)
+            yield from clock.wait(self.transmitter.transmit(transfer.size_bytes), self._transport)
             self.sent_bytes += transfer.size_bytes
             if transfer.message is not None:
                 self._leave(transfer, transfer.message)
@@ -199,11 +199,11 @@ class Link:
             transfer.carried(message)
         if (cause := self._cut(transfer.host)) is not None:
             self.lose(message, f"{self.name}:{cause}")
-        elif (delay_ns := self.sender.delay_ns(size_bytes, now_ns)) is None:
+        elif (delay_ns := self.transmitter.delay_ns(size_bytes, now_ns)) is None:
             self.lose(message, self.name)
         else:
             self.completed += 1
-            arrival_ns = now_ns + whole(self.sender, "delay_ns()", delay_ns)
+            arrival_ns = now_ns + whole(self.transmitter, "delay_ns()", delay_ns)
             self._last_arrival_ns = max(arrival_ns, self._last_arrival_ns)
             assert transfer.deliver is not None
             clock.after(
@@ -221,7 +221,7 @@ class Link:
             self._cut_off.append((host, cause))
         else:
             self.cut_by.append(cause)
-            self.sender.set_available(False)
+            self.transmitter.set_available(False)
 
     def restore(self, cause: str, host: str = "") -> None:
         """Ends a ``cut``."""
@@ -229,7 +229,7 @@ class Link:
             self._cut_off.remove((host, cause))
         else:
             self.cut_by.remove(cause)
-            self.sender.set_available(not self.cut_by and self._is_connected)
+            self.transmitter.set_available(not self.cut_by and self._is_connected)
 
     def _cut(self, node: str) -> str | None:
         """The fault that takes what would go to a node, ``None`` if there is none."""
@@ -241,7 +241,7 @@ class Link:
     def set_connected(self, is_connected: bool) -> None:
         """A hand-over takes the link away, or makes it again."""
         self._is_connected = is_connected
-        self.sender.set_available(not self.cut_by and is_connected)
+        self.transmitter.set_available(not self.cut_by and is_connected)
 
     def lose(self, message: Message, where: str) -> None:
         """A message is lost, by what ``where`` names."""

@@ -1,7 +1,7 @@
-"""What a link model is: a class that makes the senders of links, one for each direction.
+"""What a link model is: a class that makes the transmitters of links, one for each direction.
 
-To add one, write a class with ``sender``, put it into a file of ``genie_sim/links`` and name it
-here (or in a scenario as ``package.module:Class``). Its arguments are its settings in YAML.
+To add one, write a class with ``transmitter``, put it into a file of ``genie_sim/links`` and name
+it here (or in a scenario as ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -26,7 +26,7 @@ LINK_MODELS: dict[str, str] = {
 LINK = PlugIn(
     "link model",
     LINK_MODELS,
-    ("sender",),
+    ("transmitter",),
     key="model",
     default="wire",
     presets=Presets("link", "genie_sim.links.presets:LINKS", "ethernet_1g"),
@@ -60,16 +60,15 @@ class LinkModel(Protocol):
     files before anything runs; ``digests`` gives what of them decides the outcome, by name.
     """
 
-    def sender(self, network: "Network", ends: LinkEnds) -> "Sender":
+    def transmitter(self, network: "Network", ends: LinkEnds) -> "Transmitter":
         """What carries one direction of a link. The ``network`` has the clock, random numbers, the
         places of cars and edges, and ``add_resource`` for what is to be sampled.
         """
 
 
-class Sender:
+class Transmitter:
     """Carries the messages of one direction of a link, one after the other: ``transmit`` and
-    ``delay_ns``. (The ``sender`` of a message is the node that published it.) One that shares
-    nothing with other links is a ``TimedSender``.
+    ``delay_ns``. One that shares nothing with other links is a ``TimedTransmitter``.
 
     ``random`` has the random numbers of the message that is sent.
 
@@ -101,12 +100,12 @@ class Sender:
         """
 
 
-class TimedSender(Sender):
-    """A sender of its own: a message keeps it busy for a time that is known at its beginning."""
+class TimedTransmitter(Transmitter):
+    """Of one link alone: a message keeps it busy for a time that is known at its beginning."""
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
         """How long [ns] a message of ``size_bytes``, which begins its way ``now_ns``, keeps the
-        sender busy; not negative.
+        transmitter busy; not negative.
         """
         raise NotImplementedError
 

@@ -20,7 +20,7 @@ from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
+from genie_sim.sim.link_model import LinkEnds, LinkModel, Transmitter
 from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
@@ -174,13 +174,13 @@ class Network:
         """
         if ends.name in self.links:
             raise UserError(f"link {ends.name}: there is one already")
-        sender = model.sender(self, ends)
-        what = f"link model {class_name(model)!r}: sender()"
-        require(isinstance(sender, Sender), what, sender, "a Sender")
+        transmitter = model.transmitter(self, ends)
+        what = f"link model {class_name(model)!r}: transmitter()"
+        require(isinstance(transmitter, Transmitter), what, transmitter, "a Transmitter")
         link = Link(
             self.clock,
             ends.name,
-            sender,
+            transmitter,
             part=part,
             queue_length=self._queue_length,
             dropped=dropped or self.monitor.dropped,

@@ -7,7 +7,7 @@ from genie_sim.core.messages import Frame
 from genie_sim.sim.device import Device
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
-from genie_sim.sim.interface import Interface
+from genie_sim.sim.interface import NetworkInterface
 from genie_sim.sim.link_model import LinkModel
 from genie_sim.sim.places import Place
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
@@ -67,7 +67,7 @@ class Setup:
     faults: Sequence[TimedFault]
     codec: ImageCodec | None
     places: Mapping[str, Place]
-    interfaces: Mapping[str, Interface]
+    interfaces: Mapping[str, NetworkInterface]
     warm_up_ns: int
     is_one_world: bool
 

@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,14 @@ from genie_sim.base.errors import Suggesting, UserError, unknown
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
-from genie_sim.record.results import METRIC_FIELDS, PLACE, MethodInfo, Run, checked_label
+from genie_sim.record.results import (
+    METRIC_FIELDS,
+    NUMBERS,
+    PLACE,
+    MethodInfo,
+    Run,
+    checked_label,
+)
 from genie_sim.report.result import Result, cells_of, level_text, named
 from genie_sim.study.design import Design, read_design
 from genie_sim.study.tables import BEFORE_AXES, differences
@@ -158,16 +165,17 @@ class Sweep(Suggesting, Result):
     @cached_property
     def cells(self) -> Mapping[str, Mapping[int, Run]]:
         """Each point by the values of its axes; see ``cells_of``."""
-        return cells_of(
-            self.every_run,
-            self.axes,
-            [MethodInfo(name, title, baseline=False) for name, title in self.titles.items()],
-            name=self.design.name,
-            genie_sim=self.about["genie_sim"],
-            origin=self.about["run_ids"],
-            label=self.label,
-            words=self.words,
-        )
+        with provenance.of_this_version(self.folder):
+            return cells_of(
+                self.every_run,
+                self.axes,
+                [MethodInfo(name, title, baseline=False) for name, title in self.titles.items()],
+                name=self.design.name,
+                genie_sim=self.about["genie_sim"],
+                origin=self.about["run_ids"],
+                label=self.label,
+                words=self.words,
+            )
 
     def differences(self, along: str, to: Any) -> "pd.DataFrame":
         """Paired differences, seed by seed, with 95 % t intervals: of every value of the column
@@ -183,7 +191,8 @@ class Sweep(Suggesting, Result):
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure, or one metric along the first axis."""
         if name in {*METRICS, *self.every_run["metric"]} - {*self.design.axes}:
-            return self._figures(width_in).of(name)
+            with provenance.of_this_version(self.folder):
+                return self._figures(width_in).of(name)
         figure: Figure = named(name, self.figures(width_in))
         return figure
 
@@ -199,28 +208,32 @@ class Sweep(Suggesting, Result):
         """The points: in ``csv`` every metric with all digits, in ``latex`` the main metrics with
         their intervals, in ``markdown`` the same without; or these ``metrics``.
         """
-        renderers.checked(format)
-        points = self.means
-        if checked(metrics, points["metric"]):
-            points = points[points["metric"].isin(metrics)]
-        if format == "csv":
-            return renderers.csv_of_table(points)
-        table = self._table(metrics)
-        if format == "markdown":
-            return renderers.markdown(replace(table, title=""), intervals=False)
-        seeds = len(self.design.seeds)
-        several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
-        notes = [several if seeds > 1 else "One seed."]
-        if len(table.rows) > MAX_ROWS:
-            notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
-        title = f"Sweep {self.title} of {self.design.scenario}"
-        title += "" if metrics else ": main results"
-        if self.axes:
-            title += f" along {' and '.join(self.axes)}"
-        shown_rows = table.rows[:MAX_ROWS]
-        return renderers.latex(
-            replace(table, title=title, rows=shown_rows, notes=[*notes, *table.notes]), self.title
-        )
+        with provenance.of_this_version(self.folder):
+            renderers.checked(format)
+            points = self.means
+            if checked(metrics, points["metric"]):
+                points = points[points["metric"].isin(metrics)]
+            if format == "csv":
+                return renderers.csv_of_table(points)
+            table = self._table(metrics)
+            if format == "markdown":
+                return renderers.markdown(replace(table, title=""), intervals=False)
+            seeds = len(self.design.seeds)
+            several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
+            notes = [several if seeds > 1 else "One seed."]
+            if len(table.rows) > MAX_ROWS:
+                notes.append(
+                    f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv."
+                )
+            title = f"Sweep {self.title} of {self.design.scenario}"
+            title += "" if metrics else ": main results"
+            if self.axes:
+                title += f" along {' and '.join(self.axes)}"
+            shown_rows = table.rows[:MAX_ROWS]
+            return renderers.latex(
+                replace(table, title=title, rows=shown_rows, notes=[*notes, *table.notes]),
+                self.title,
+            )
 
     def _table(self, metrics: Sequence[str] = ()) -> ResultTable:
         """A row for each point and method, with the main metrics of methods as a whole, or with
@@ -315,6 +328,26 @@ def _table(path: Path) -> "pd.DataFrame":
     """A table of a sweep. Raises ``UserError``."""
     if not path.exists():
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest")
-    table, _ = parquet.read(path, "table of a sweep", lambda schema, _: schema.names)
+    table, _ = parquet.read(path, "table of a sweep", partial(_columns_of, path))
     read: pd.DataFrame = table.to_pandas()
     return read
+
+
+def _columns_of(path: Path, schema: Any, _about: object) -> list[str]:
+    """All columns of a table of a sweep. Raises ``UserError`` where some are missing, or of other
+    types than a sweep writes.
+    """
+    import pyarrow.types as of
+
+    scalars = (of.is_integer, of.is_floating, of.is_boolean, of.is_large_string, of.is_null)
+    kinds: dict[str, tuple[Any, ...]] = {"n": (of.is_integer, of.is_floating)}
+    kinds |= dict.fromkeys(METRIC_FIELDS[:PLACE], (of.is_large_string,))
+    kinds |= dict.fromkeys(NUMBERS, (of.is_floating,))
+    for name in (BEFORE_AXES[0], *METRIC_FIELDS):
+        if name not in schema.names:
+            raise UserError(f"{path}: is no table of a sweep: it has no column {name}")
+    for name, type in zip(schema.names, schema.types, strict=True):
+        if not any(is_of_kind(type) for is_of_kind in kinds.get(name, scalars)):
+            raise UserError(f"{path}: column {name}: a sweep writes none of {type}")
+    names: list[str] = schema.names
+    return names

@@ -6,7 +6,7 @@ from typing import cast
 import pytest
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.sim.link_model import Sender
+from genie_sim.sim.link_model import Transmitter
 
 
 def test_an_exception_becomes_one_line():
@@ -22,7 +22,7 @@ def test_a_method_that_a_class_lacks_is_named():
         pytest.raises(UserError, match=r"^own:Slow: transmit\(\) is missing$"),
         as_user_error("own:Slow", NotImplementedError),
     ):
-        Sender.transmit(cast(Sender, None), 1)
+        Transmitter.transmit(cast(Transmitter, None), 1)
 
 
 class OutOfMemory(OSError, MemoryError):

@@ -12,9 +12,9 @@ from typing import Any
 
 from genie_sim.base.settings import from_plain, plain_data
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.link_model import LINK, LinkEnds, Sender
+from genie_sim.sim.link_model import LINK, LinkEnds, Transmitter
 from tests.conformance import small
-from tests.sim.processes import DOWN, UP, sender
+from tests.sim.processes import DOWN, UP, transmitter
 
 SENDING = ("genie", "remote")
 SIZES = (0, 1, 426, 1_448, 1_449, 40_000, 1_397_297)
@@ -54,15 +54,15 @@ class LoneLinkConformance(LinkModelConformance):
         cars = [small.car(1, link=link), small.car(2, link=link)]
         return small.scenario(methods, cars=cars, edge_network=link)
 
-    def sender(self, link: Any, ends: LinkEnds = UP, seed: int = 1) -> Sender:
+    def transmitter(self, link: Any, ends: LinkEnds = UP, seed: int = 1) -> Transmitter:
         choice = self.scenario(link).cars[0].link
         assert choice is not None
-        made: Sender = sender(LINK.make(choice), ends, seed=seed)
+        made: Transmitter = transmitter(LINK.make(choice), ends, seed=seed)
         return made
 
     def test_times_are_whole_nanoseconds_that_never_run_backwards(self, link: Any):
         for ends in (UP, DOWN):
-            mine, now_ns = self.sender(link, ends), 17
+            mine, now_ns = self.transmitter(link, ends), 17
             for size_bytes in SIZES * 20:
                 occupied_ns = mine.occupied_ns(size_bytes, now_ns)
                 assert type(occupied_ns) is int and occupied_ns >= 0
@@ -73,7 +73,7 @@ class LoneLinkConformance(LinkModelConformance):
     def test_all_chance_comes_from_the_random_numbers_that_it_is_given(self, link: Any):
         def course(seed: int) -> list[Any]:
             """Two links at once: neither is to feel the other."""
-            mine, other = (self.sender(link, seed=one) for one in (seed, seed + 1))
+            mine, other = (self.transmitter(link, seed=one) for one in (seed, seed + 1))
             found = []
             for now_ns in range(0, 100_000_000, 1_000_000):
                 found += [mine.occupied_ns(40_000, now_ns), mine.delay_ns(40_000, now_ns)]
@@ -83,5 +83,5 @@ class LoneLinkConformance(LinkModelConformance):
         assert course(1) == course(1)
 
     def test_a_larger_message_is_never_faster_on_an_idle_link(self, link: Any):
-        occupied = [self.sender(link).occupied_ns(size, 0) for size in SIZES]
+        occupied = [self.transmitter(link).occupied_ns(size, 0) for size in SIZES]
         assert occupied == sorted(occupied)

@@ -18,7 +18,7 @@ from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.faults.outage import Outage
-from genie_sim.sim.link_model import Sender, TimedSender
+from genie_sim.sim.link_model import TimedTransmitter, Transmitter
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, UplinkTopics
 
 
@@ -210,11 +210,11 @@ class Radio:
         if self.slot_ms <= 0:
             raise ValueError(f"slot_ms: must be more than zero, but is {self.slot_ms:g}")
 
-    def sender(self, network, ends):
-        return RadioSender(self, network, ends)
+    def transmitter(self, network, ends):
+        return RadioTransmitter(self, network, ends)
 
 
-class RadioSender(TimedSender):
+class RadioTransmitter(TimedTransmitter):
     def __init__(self, radio, network, ends):
         super().__init__(network, ends)
         self.radio, self.count = radio, 0
@@ -231,10 +231,10 @@ class RadioSender(TimedSender):
         return int(self.random.integers(1_000_000))
 
 
-class NoSender:
+class NoTransmitter:
     """A link model that makes nothing."""
 
-    def sender(self, network, ends):
+    def transmitter(self, network, ends):
         return None
 
 
@@ -247,12 +247,12 @@ class OneAtATime:
     def __post_init__(self):
         self.medium = None
 
-    def sender(self, network, ends):
+    def transmitter(self, network, ends):
         self.medium = self.medium or simpy.Resource(network.clock)
         return Turn(self, network, ends)
 
 
-class Turn(Sender):
+class Turn(Transmitter):
     """One link of the medium."""
 
     def __init__(self, turns, network, ends):
@@ -284,13 +284,13 @@ class LeakyMedium(OneAtATime):
 class CountingRadio(Radio):
     """A link model with state: every ``fails``-th message over any of its links is lost."""
 
-    def sender(self, network, ends):
+    def transmitter(self, network, ends):
         if not hasattr(self, "shared"):
             object.__setattr__(self, "shared", {"sent": 0})
-        return CountingSender(self, network, ends)
+        return CountingTransmitter(self, network, ends)
 
 
-class CountingSender(RadioSender):
+class CountingTransmitter(RadioTransmitter):
     def delay_ns(self, size_bytes, now_ns):
         shared = self.radio.shared
         shared["sent"] += 1
@@ -333,8 +333,8 @@ class LeakyRadio(Radio):
 
     shared: ClassVar[dict] = {"sent": 0}
 
-    def sender(self, network, ends):
-        return CountingSender(self, network, ends)
+    def transmitter(self, network, ends):
+        return CountingTransmitter(self, network, ends)
 
 
 class LeakyStreet(Street):

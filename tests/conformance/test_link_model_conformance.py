@@ -13,7 +13,7 @@ from genie_sim.runs.folder import run_in_memory
 from genie_sim.sim.link_model import LINK, LINK_MODELS
 from tests.conformance import small
 from tests.conformance.link_models import LinkModelConformance, LoneLinkConformance
-from tests.sim.processes import DOWN, UP, sender
+from tests.sim.processes import DOWN, UP, transmitter
 
 RADIO = "tests.conformance.own:Radio"
 FULL = {
@@ -62,15 +62,15 @@ def test_the_formula_of_the_wire():
     """
     wire = Wire(1_000_000_000, None, 200_000, jitter_ns=5)
     assert wire.link_bits(1_397_297) == (1_397_297 + 965 * 90) * 8 == 11_873_176
-    up, down = (sender(wire, ends) for ends in (UP, DOWN))
+    up, down = (transmitter(wire, ends) for ends in (UP, DOWN))
     assert up.occupied_ns(1_397_297, 0) == 11_873_176 and down.occupied_ns(1_397_297, 0) == 0
-    assert sender(Wire(3, 3, 0, overhead_bytes=0)).occupied_ns(1, 0) == 2_666_666_667
+    assert transmitter(Wire(3, 3, 0, overhead_bytes=0)).occupied_ns(1, 0) == 2_666_666_667
     assert {up.delay_ns(1, 0) for _ in range(500)} == {200_000 + more for more in range(6)}
 
 
 @pytest.mark.parametrize(("loss", "arrived"), [(0, 1000), (1, 0), (0.3, 700)])
 def test_so_many_messages_are_lost(loss: float, arrived: int):
-    channel = sender(Wire(None, None, 7, loss=loss), seed=4)
+    channel = transmitter(Wire(None, None, 7, loss=loss), seed=4)
     found = [channel.delay_ns(1000, 0) for _ in range(1000)]
     assert sum(one == 7 for one in found) == pytest.approx(arrived, abs=45 if 0 < loss < 1 else 0)
 
@@ -119,10 +119,10 @@ def test_a_radio_of_ones_own_carries_the_frames():
         ),
         ({"model": RADIO}, r"cars\[0\].link.slot_ms: missing"),
         (
-            {"model": "tests.conformance.own:NoSender"},
-            r"own:NoSender.: sender\(\) is None, but must be a Sender",
+            {"model": "tests.conformance.own:NoTransmitter"},
+            r"own:NoTransmitter.: transmitter\(\) is None, but must be a Transmitter",
         ),
-        ({"model": "tests.conformance.own:Again"}, "has no sender"),
+        ({"model": "tests.conformance.own:Again"}, "has no transmitter"),
         ({"model": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),
     ],
 )

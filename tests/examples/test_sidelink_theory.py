@@ -47,7 +47,8 @@ class Street:
     def __post_init__(self):
         sidelink = replace(self.sidelink)
         self.stations: dict[str, Station] = {
-            host: sidelink.sender(self, LinkEnds(host, host, host, up=True)) for host in self.places
+            host: sidelink.transmitter(self, LinkEnds(host, host, host, up=True))
+            for host in self.places
         }
 
     def draws(self, *names):

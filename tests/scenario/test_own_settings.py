@@ -52,7 +52,7 @@ class Tunnel:
     delay_ns: int
     rate_bps: int = 10**6
 
-    def sender(self, network, ends): ...
+    def transmitter(self, network, ends): ...
 
 
 class Replay(Tunnel):

@@ -1,5 +1,5 @@
-"""Processes that tests start: a job on a processor, a message that a sender sends; and senders of
-links that are in no network.
+"""Processes that tests start: a job on a processor, a message on a link; and transmitters of links
+that are in no network.
 """
 
 from __future__ import annotations
@@ -13,25 +13,26 @@ import simpy
 from genie_sim.base.seeds import Draws
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.host import Processor
-from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
+from genie_sim.sim.link_model import LinkEnds, LinkModel, Transmitter
 
 UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)
 DOWN = LinkEnds("edge1->car1", "car1", "edge1", up=False)
 
 
-def sender(
+def transmitter(
     model: LinkModel,
     ends: LinkEnds = UP,
     *,
     clock: Clock | None = None,
     seed: int = 1,
-    place: tuple[float, float] = (0.0, 0.0),
 ) -> Any:
-    """One direction of a link whose car stands at a ``place``."""
+    """One direction of a link whose car stands at the origin."""
     network: Any = SimpleNamespace(
-        clock=clock or Clock(), draws=lambda *names: Draws(seed, *names), place=lambda car: place
+        clock=clock or Clock(),
+        draws=lambda *names: Draws(seed, *names),
+        place=lambda car: (0.0, 0.0),
     )
-    return model.sender(network, ends)
+    return model.transmitter(network, ends)
 
 
 def job(
@@ -54,6 +55,6 @@ def then(clock: Clock, steps: Steps, done: Callable[[], None]) -> simpy.Process:
     return clock.process(process())
 
 
-def send(clock: Clock, sender: Sender, size_bytes: int, left: Callable[[], None]) -> None:
+def send(clock: Clock, transmitter: Transmitter, size_bytes: int, left: Callable[[], None]) -> None:
     """Sends a message now, and calls ``left`` when its last bit has left."""
-    sender.transmit(size_bytes).callbacks.append(lambda _: left())
+    transmitter.transmit(size_bytes).callbacks.append(lambda _: left())

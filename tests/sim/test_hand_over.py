@@ -284,7 +284,7 @@ def test_a_car_without_cameras_needs_an_edge_that_nobody_with_cameras_ever_comes
 
 
 class Noting:
-    """A sender that notes whether its link is up."""
+    """A transmitter that notes whether its link is up."""
 
     is_up = True
 
@@ -293,15 +293,15 @@ class Noting:
 
 
 def test_a_hand_over_that_ends_during_an_outage_does_not_end_the_outage():
-    sender = Noting()
-    link = Link(Clock(), "car1->edge1", sender)  # type: ignore[arg-type]
+    transmitter = Noting()
+    link = Link(Clock(), "car1->edge1", transmitter)  # type: ignore[arg-type]
     link.set_connected(False)
     link.cut("outage")
     link.set_connected(True)
-    assert not sender.is_up
+    assert not transmitter.is_up
     link.restore("outage")
-    assert sender.is_up
+    assert transmitter.is_up
     link.cut("outage")
     link.set_connected(False)
     link.restore("outage")
-    assert not sender.is_up, "the hand-over goes on"
+    assert not transmitter.is_up, "the hand-over goes on"

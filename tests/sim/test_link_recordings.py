@@ -15,7 +15,7 @@ from genie_sim.links.wire import Wire
 from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_model import LinkEnds
 from tests.conformance import small
-from tests.sim.processes import DOWN, UP, sender
+from tests.sim.processes import DOWN, UP, transmitter
 from tools.make import urban_n78
 
 S, MBIT, MS = 1_000_000_000, 1_000_000, 1_000_000
@@ -33,8 +33,8 @@ def test_a_constant_recording_is_a_wire_to_the_nanosecond(tmp_path, size_bytes: 
     rate_bps, rtt_ns = 7_654_321, 31_000_001
     columns = {"t_ns": [0, 7, 333_333_333, S][:rows], "up_bps": [rate_bps] * rows}
     path = write(tmp_path / "constant.parquet", **columns, rtt_ns=[rtt_ns] * rows)
-    wire = sender(Wire(rate_bps, None, rtt_ns // 2, overhead_bytes=0))
-    replayed = sender(RecordedLink(rate=path, rtt=path))
+    wire = transmitter(Wire(rate_bps, None, rtt_ns // 2, overhead_bytes=0))
+    replayed = transmitter(RecordedLink(rate=path, rtt=path))
     for now_ns in (0, 1, 5 * S // 7, 123_456_789_012):
         assert replayed.occupied_ns(size_bytes, now_ns) == wire.occupied_ns(size_bytes, now_ns)
         assert replayed.delay_ns(size_bytes, now_ns) == wire.delay_ns(size_bytes, now_ns)
@@ -85,7 +85,7 @@ def test_the_time_is_that_of_the_integral():
 def test_the_round_trip_is_that_of_the_time():
     path = "urban_n78_generated"
     rtts = recording.read(path).columns["rtt_ns"]
-    at_begin = sender(RecordedLink(offset="begin", begin_ns=150 * MS))
+    at_begin = transmitter(RecordedLink(offset="begin", begin_ns=150 * MS))
     delays = [at_begin.delay_ns(1, row * 50 * MS) for row in range(20)]
     assert delays == [rtt // 2 for rtt in rtts[3:23]]
 
@@ -93,7 +93,7 @@ def test_the_round_trip_is_that_of_the_time():
 def test_a_car_begins_at_a_place_of_its_own_in_step_for_all_of_its_links():
     of_car1, down, at_edge2, of_car2, other_seed = (
         [
-            sender(RecordedLink(rtt="urban_n78_generated"), ends, seed=seed).delay_ns(1, t * S)
+            transmitter(RecordedLink(rtt="urban_n78_generated"), ends, seed=seed).delay_ns(1, t * S)
             for t in range(20)
         ]
         for ends, seed in (
@@ -111,9 +111,9 @@ def test_a_car_begins_at_a_place_of_its_own_in_step_for_all_of_its_links():
 def test_constant_rates_stand_in_for_what_was_not_recorded(tmp_path):
     path = write(tmp_path / "up.parquet", t_ns=[0], up_bps=[8 * MBIT])
     trace = RecordedLink(rate=path, rtt=None, down_bps=80 * MBIT, delay_ns=3)
-    assert sender(trace).occupied_ns(10**6, 5) == S and sender(trace).delay_ns(1, 5) == 3
-    assert sender(trace, DOWN).occupied_ns(10**6, 5) == S // 10
-    assert sender(RecordedLink(rtt=None, up_bps=4 * MBIT)).occupied_ns(10**6, 5) == 2 * S
+    assert transmitter(trace).occupied_ns(10**6, 5) == S and transmitter(trace).delay_ns(1, 5) == 3
+    assert transmitter(trace, DOWN).occupied_ns(10**6, 5) == S // 10
+    assert transmitter(RecordedLink(rtt=None, up_bps=4 * MBIT)).occupied_ns(10**6, 5) == 2 * S
 
 
 def test_the_shipped_recording_is_the_generated_one():

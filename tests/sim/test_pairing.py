@@ -16,7 +16,7 @@ from genie_sim.base.seeds import Draws
 from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.faults.gnss import Gnss
 from genie_sim.links.burst_loss import BurstLoss, LossProcess
-from genie_sim.links.wire import Wire, WireSender
+from genie_sim.links.wire import Wire, WireTransmitter
 from genie_sim.runs import build
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.sim.clock import Clock
@@ -25,7 +25,7 @@ from genie_sim.sim.link import Link
 from genie_sim.sim.message_random import REMEMBERED, MessageRandom
 from genie_sim.sim.method import METHODS
 from tests.conformance import small
-from tests.sim.processes import sender
+from tests.sim.processes import transmitter
 
 LINK = {"like": "nr5g", "rate_up": "100 Mbit/s", "loss": 0.1}
 S = 1_000_000_000
@@ -48,7 +48,7 @@ class Spy:
         self._wrap(Host, "serve_message", self._serve_message)
         self._wrap(Processor, "serve", self._serve)
         self._wrap(Link, "_leave", self._leave)
-        self._wrap(WireSender, "delay_ns", self._delay)
+        self._wrap(WireTransmitter, "delay_ns", self._delay)
 
     def _wrap(self, owner: type, name: str, spy: Any) -> None:
         real = getattr(owner, name)
@@ -237,7 +237,7 @@ def test_a_message_that_is_sent_again_has_other_numbers():
 
 def test_jitter_and_losses_have_their_shares():
     """The jitter uniform, a share lost, one independent of the other: 4 standard errors."""
-    channel, count = sender(Wire(None, None, 50, jitter_ns=1000, loss=0.3)), 20_000
+    channel, count = transmitter(Wire(None, None, 50, jitter_ns=1000, loss=0.3)), 20_000
     delays_ns = []
     for number in range(count):
         channel.random.begin(message(number), "edge1")
@@ -257,7 +257,7 @@ def lost(sent_ns: Sequence[int], size_bytes: int = 5 * 1448) -> list[bool]:
     """Which messages are lost on one link, by when their last bits leave."""
     loss = BurstLoss(mean=0.2, burst=30)
     wire = Wire(10_000_000, None, 0, loss=loss)
-    channel = sender(wire)
+    channel = transmitter(wire)
     return [channel.delay_ns(size_bytes, now_ns) is None for now_ns in sent_ns]
 
 

@@ -17,7 +17,7 @@ from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
 from tests.make import build, fixed_device, scenario
-from tests.sim.processes import DOWN, UP, sender
+from tests.sim.processes import DOWN, UP, transmitter
 
 WORK_NS = 1000
 HOP_NS = 10
@@ -71,7 +71,7 @@ def office(name: str = "car1", clock: Clock | None = None, **settings) -> Graph:
 def link(clock: Clock, name: str, up: bool = True) -> Link:
     """One direction of a gigabit Ethernet."""
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
-    return Link(clock, name, sender(wire, UP if up else DOWN, clock=clock))
+    return Link(clock, name, transmitter(wire, UP if up else DOWN, clock=clock))
 
 
 def clerk(
@@ -384,7 +384,7 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
     heard, lost = Listener(), []
     there.subscribe("/notes", heard)
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
-    up = Link(clock, "link", sender(wire, clock=clock))
+    up = Link(clock, "link", transmitter(wire, clock=clock))
     bridge = Bridge(
         up,
         there,
@@ -398,7 +398,7 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
         clock.run(until=max(at_ns, 1))
         what() if callable(what) else bridge.deliver("/notes", what, "here/node")
     clock.run()
-    arrival_ns = 300_000 + sender(wire).occupied_ns(Note(2).size_bytes, 0) + 200_000
+    arrival_ns = 300_000 + transmitter(wire).occupied_ns(Note(2).size_bytes, 0) + 200_000
     assert [number for _, number, _ in heard.heard] == [1, 4]
     assert lost == [(320_000, 3), (arrival_ns, 2)]
 

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -65,7 +66,7 @@ axes:
   gate: {set: [genie.object_map.gate, genie.view_range], grid: {from: 1 m, to: 3 m, points: 2}}
 """
 TABLES = ("table.parquet", "table.csv", "runs.parquet", "differences.parquet", "differences.csv")
-FIGURES = ("figures/rate.svg", "figures/gate.svg", "figures/gate.png")
+FIGURES = tuple(f"figures/{axis}-first_answer_mean.svg" for axis in ("rate", "gate"))
 
 
 def write(text: str, name: str = "s.yaml") -> str:
@@ -545,7 +546,7 @@ def test_a_sweep_can_be_loaded_compared_and_reported(uninterrupted, capsys):
     finished(uninterrupted)
     swept = genie_sim.load("results/s")
     assert swept.metrics.equals(pd.read_parquet("results/s/table.parquet"))
-    assert swept.figure("rate").axes
+    assert swept.figure("first_answer_mean").axes
     differences = swept.differences("rate", 0.1)
     assert set(differences["rate"]) == {0.5} and len(differences)
     assert main(["report", "results/s"]) == 0
@@ -903,11 +904,19 @@ def test_a_sweep_run_again_has_the_same_metrics(uninterrupted, capsys):
     assert "1 of 12 runs do not reproduce" in capsys.readouterr().err
 
 
-def test_a_table_without_the_columns_of_a_sweep_is_refused(uninterrupted, capsys):
+@pytest.mark.parametrize("change", ["no columns", "other values", "rows twice"])
+def test_a_table_that_no_sweep_writes_is_refused(change, uninterrupted, capsys):
     finished(uninterrupted)
-    pq.write_table(
-        pq.read_table("results/s/table.parquet").select(["point"]), "results/s/table.parquet"
-    )
+    path = "results/s/table.parquet"
+    table = pq.read_table(path)
+    changed = {
+        "no columns": table.select(["point"]),
+        "other values": table.set_column(
+            table.schema.get_field_index("method"), "method", [[b"a"] * len(table)]
+        ),
+        "rows twice": pa.concat_tables([table, table]),
+    }
+    pq.write_table(changed[change], path)
     sign(Path("results/s"))
     assert main(["table", "results/s"]) == 1
-    one_line(capsys, "table.parquet: is no table of a sweep")
+    one_line(capsys, "results/s")

@@ -14,7 +14,7 @@ from genie_sim.base.seeds import stream
 from genie_sim.links.burst_loss import BurstLoss, LossProcess
 from genie_sim.links.wire import Wire
 from tests.conformance import small
-from tests.sim.processes import sender
+from tests.sim.processes import transmitter
 
 SEED, SEGMENTS = 11, 200_000
 
@@ -54,7 +54,7 @@ def test_independent_segments(size: int):
 def test_a_link_loses_a_message_with_any_of_its_segments():
     loss = BurstLoss(mean=0.02, burst=1 / 0.98)
     wire = Wire(None, None, 7, loss=loss, mtu_payload_bytes=1000)
-    channel = sender(wire, seed=SEED)
+    channel = transmitter(wire, seed=SEED)
     arrived = np.array([channel.delay_ns(10_000, 0) is not None for _ in range(4000)])
     assert arrived.mean() == pytest.approx(0.98**10, abs=3 * 0.0061)
 

@@ -19,7 +19,7 @@ from genie_sim.links.path_loss import NormalField, StreetCanyon, los_db, los_pro
 from genie_sim.links.wire import Wire
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link_model import LinkEnds
-from tests.sim.processes import send, sender
+from tests.sim.processes import send, transmitter
 from tests.theory.replications import equivalent
 
 SEED, S = 6, 1_000_000_000
@@ -46,10 +46,10 @@ class Street:
         self.resources.append(resource)
 
 
-def senders(cell: RadioCell, air: Street, count: int, up: bool = True):
+def transmitters(cell: RadioCell, air: Street, count: int, up: bool = True):
     ends = [LinkEnds(f"car{i}->edge1", f"car{i}", "edge1", up) for i in range(count)]
     fresh = replace(cell)  # of a run of its own
-    return [fresh.sender(air, of_car) for of_car in ends]
+    return [fresh.transmitter(air, of_car) for of_car in ends]
 
 
 def ends_ns(
@@ -58,7 +58,7 @@ def ends_ns(
     """When messages end: (begin [ns], bytes), each from a car of its own."""
     air = air or Street()
     ended = [0] * len(messages)
-    cars = senders(cell, air, len(messages))
+    cars = transmitters(cell, air, len(messages))
     for number, (begin_ns, size_bytes) in enumerate(messages):
 
         def end(number: int = number) -> None:
@@ -129,7 +129,7 @@ def times_in_cell_ns(begins_ns: list[int], sizes: list[int]) -> list[int]:
 
     def arrive(size_bytes: int) -> None:
         name = f"car{len(spent_ns)}"
-        car = idle.pop() if idle else cell.sender(air, LinkEnds(name, name, "edge1", True))
+        car = idle.pop() if idle else cell.transmitter(air, LinkEnds(name, name, "edge1", True))
         begin_ns = air.clock.now
 
         def end() -> None:
@@ -151,7 +151,7 @@ def test_a_car_alone_takes_as_long_as_on_a_wire(size_bytes: int):
     cell = RadioCell(up=Band(7_333_333, layers=1))
     loss_db = StreetCanyon(Street(), "edge1", (0, 0), carrier_hz=cell.carrier_hz, shadowing=True)
     rate_bps = cell.rate_bps(True, loss_db.db(50.0, 0.0))
-    wire = sender(Wire(rate_bps, None, 0, overhead_bytes=0))
+    wire = transmitter(Wire(rate_bps, None, 0, overhead_bytes=0))
     assert 10**6 < rate_bps < cell.rate_bps(True) + 1
     (end_ns,) = ends_ns(cell, [(17, size_bytes)])
     assert end_ns - 17 == wire.occupied_ns(size_bytes, 17)
@@ -175,7 +175,7 @@ def test_up_and_down_are_apart_and_so_are_edges():
     air = Street(edges=("edge1", "edge2"))
     cell, ended = replace(FREE), {}
     for ends in (("a", "edge1", True), ("b", "edge1", False), ("c", "edge2", True)):
-        car = cell.sender(air, LinkEnds(ends[0], *ends))
+        car = cell.transmitter(air, LinkEnds(ends[0], *ends))
         send(air.clock, car, SIZE, lambda name=ends[0]: ended.update({name: air.clock.now}))
     air.clock.run()
     up_ns, down_ns = (SIZE * 8 * S // FREE.rate_bps(up) for up in (True, False))
@@ -207,7 +207,7 @@ def _loss(at_m: float) -> StreetCanyon:
 def test_without_coverage_a_message_waits_a_second_and_is_lost():
     air = Street(place=lambda car: (5000.0, 0.0))
     assert RadioCell().rate_bps(True, 160.0) == 0
-    (far,) = senders(RadioCell(), air, 1)
+    (far,) = transmitters(RadioCell(), air, 1)
     ended = []
     send(
         air.clock,
@@ -231,7 +231,7 @@ def test_coverage_that_comes_back_in_time_keeps_the_bits():
 
 def test_a_link_that_goes_down_gives_its_share_to_the_others():
     air, ended = Street(), {}
-    first, second = senders(FREE, air, 2)
+    first, second = transmitters(FREE, air, 2)
     for name, car in (("first", first), ("second", second)):
         send(air.clock, car, SIZE, lambda name=name: ended.update({name: air.clock.now}))
     alone_ns = SIZE * 8 * S // FREE.rate_bps(True)

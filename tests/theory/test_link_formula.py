@@ -18,7 +18,7 @@ from genie_sim.links.wire import Wire
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_model import LINK
-from tests.sim.processes import DOWN, UP, sender
+from tests.sim.processes import DOWN, UP, transmitter
 
 IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
 
@@ -56,7 +56,7 @@ class Line:
         self.link = Link(
             self.clock,
             "car1->edge1",
-            sender(model, UP if up else DOWN, clock=self.clock, seed=seed),
+            transmitter(model, UP if up else DOWN, clock=self.clock, seed=seed),
             queue_length=queue_length,
             dropped=lambda message, where: self.lost.append(message.header.stamp_ns),
         )

@@ -29,7 +29,7 @@ from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.settings import Serving
 from tests.make import FOV_RAD, fixed_device
-from tests.sim.processes import job, sender
+from tests.sim.processes import job, transmitter
 from tests.theory.replications import equivalent, replicate
 
 pytestmark = [
@@ -290,7 +290,7 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
     def experiment(rng: np.random.Generator) -> float:
         env = Clock()
         wire: Any = LINK.make(LINKS["ethernet_1g"])
-        upwards = sender(replace(wire, delay_ns=0), clock=env)
+        upwards = transmitter(replace(wire, delay_ns=0), clock=env)
         link = Link(env, "car1->edge1", upwards, queue_length=10**9)
         wire_ns = upwards.occupied_ns(1_397_297, 0)
         came_ns: deque[int] = deque()

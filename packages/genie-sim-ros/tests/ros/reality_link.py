@@ -146,7 +146,7 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     wire = Wire(rate_bps, rate_bps, 0, overhead_bytes=TBF_OVERHEAD_BYTES)
     env = Clock()
     network = SimpleNamespace(clock=env, draws=lambda *names: Draws(0, *names))
-    sender = wire.sender(network, LinkEnds("veth", "car1", "edge1", up=True))
+    sender = wire.transmitter(network, LinkEnds("veth", "car1", "edge1", up=True))
     link = Link(env, "veth", sender, queue_length=count)
     arrived_ms: list[float] = []
     for number in range(count):
