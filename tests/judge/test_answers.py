@@ -173,10 +173,8 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     f1 = {one.method: one.value for one in made.measured if one.metric == "first_proxy_f1"}
     assert (f1["local"], f1["remote"]) == (1.0, 1.0)
     whole, brief = summary.main_table(made), summary.main_table(made, tier=SHORT)
-    assert not any("proxy F1" in row.title for row in whole.rows), "truth is known"
-    assert any(row.title == "wrong cache hits [%]" for row in whole.rows)
-    assert any(note.startswith("Proxy") for note in whole.notes)
-    assert not any(note.startswith("Proxy") for note in brief.notes), "no row of either"
+    assert "wrong cache hits [%]" in [row.title for row in whole.rows]
+    assert "Proxy" in " ".join(whole.notes) and "Proxy" not in " ".join(brief.notes)
 
 
 def test_answers_may_be_left_out_and_change_nothing_else():
