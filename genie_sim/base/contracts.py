@@ -1,11 +1,13 @@
 """What a class of the user's own returns: a wrong value is one line that names the class."""
 
-from numbers import Integral
+import sys
+from numbers import Integral, Real
 from typing import Any
 
 from genie_sim.base.errors import UserError, short_repr
 
 MAX_WHOLE = 2**62  # what tables can hold
+MAX_NUMBER = sys.float_info.max
 WHOLE = "a whole number, 0 or more"
 
 
@@ -31,7 +33,13 @@ def class_name(thing: object) -> str:
     return f"{type(thing).__module__}:{type(thing).__qualname__}"
 
 
-def is_whole(value: Any) -> bool:
-    """Whether a value is a whole number from 0 to below what tables can hold."""
-    is_integral = isinstance(value, Integral) and not isinstance(value, bool)
-    return is_integral and 0 <= int(value) < MAX_WHOLE
+def is_whole(value: Any, limit: int = MAX_WHOLE) -> bool:
+    """Whether a value is a whole number from 0 to below the limit."""
+    return isinstance(value, Integral) and not isinstance(value, bool) and 0 <= int(value) < limit
+
+
+def is_number(value: Any, lowest: float = -MAX_NUMBER, highest: float = MAX_NUMBER) -> bool:
+    """Whether a value is a finite number within these limits."""
+    number: Any = value  # a Real, whose comparisons have no types
+    is_real = isinstance(value, Real) and not isinstance(value, bool)
+    return is_real and bool(lowest <= number <= highest)

@@ -97,7 +97,7 @@ def prepare(
             }
         if owner is not None:
             for drive in drives.values():
-                own_classes.check_base(drive, f"{owner}: what drive() returns", Drive)
+                own_classes.check_drive(drive, owner)
         if scenario.sequence is not None:
             full = _on_one_clock(full, drives)
         origin = own_classes.origin_of(frames, scenario.perception.name)

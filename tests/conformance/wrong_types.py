@@ -62,14 +62,21 @@ CASES = {
         own.Street,
         "_frames",
         returns([]),
-        "the run failed with frame source",
+        "drive().frames['left'] is [], but must be a sequence with at least one item",
     ),
     "frame": (
         {},
         own.Street,
         "_frame",
         returns(SimpleNamespace(stamp_ns=0, pose=None)),
-        "the run failed with frame source",
+        "drive().frames['left'][0].pose is None, but must be a CameraPose",
+    ),
+    "one stamp": (
+        {},
+        own.Street,
+        "_frame",
+        lambda street, camera, number, frame=own.Street._frame: frame(street, camera, 0),
+        "drive().frames['left'][1].stamp_ns is 0, but must be above 0",
     ),
     "digests": ({}, own.Street, "digests", returns(["x"]), "digests() is ['x'], but must be a"),
     "digests later": (
