@@ -208,7 +208,9 @@ def test_metrics_are_sums_over_instants():
     for number, of_instant in enumerate(counts):
         table.append(("genie", "consumer", "car1", number * S, *of_instant, None))
     table.append(("genie", "zero_delay", "car1", 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0.25))
-    methods = [MethodInfo(name, name, baseline=False) for name in ("local", "genie")]
+    # a car that a later method alone drives
+    table.append(("later", "zero_delay", "car2", 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 0, None))
+    methods = [MethodInfo(name, name, baseline=False) for name in ("local", "genie", "later")]
     found = metrics.compute(methods, {"held": table.columns()})
     expected = {
         "object_precision": 0.5,
@@ -223,7 +225,8 @@ def test_metrics_are_sums_over_instants():
         "place_error": 0.0,
     }
     assert {m.metric: m.value for m in found if not m.component} == pytest.approx(expected)
-    assert value(found, "streaming_f1", "genie", ZERO_DELAY) == 1.0
+    assert value(found, "streaming_f1", "genie", ZERO_DELAY) == 0.5, "of both cars"
+    assert not [number for number in found if number.method == "later" and number.component]
 
 
 def short(*settings: str) -> Scenario:
