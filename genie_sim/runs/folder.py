@@ -129,11 +129,20 @@ def simulate_into(
 
 
 def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -> Run:
-    """The run that wrote these tables."""
+    """The run that wrote these tables. Metrics of the user's own that fail on their rows are left
+    out, with a warning: what was simulated stays.
+    """
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
-    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
+    methods, own = methods_of(prepared), prepared.scenario.metrics
+    try:
+        measured = metrics.compute(methods, columns, own=own)
+    except UserError as error:
+        if not own:
+            raise
+        log.warning("%s; metrics of your own are left out", error)
+        measured = metrics.compute(methods, columns)
     return Run(
         run_id=run_id,
         facts=prepared.facts,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -192,9 +193,13 @@ def test_what_is_wrong_with_it_is_one_line_before_anything_is_simulated(name: st
         ("huge", "value must be a finite number"),
     ],
 )
-def test_what_is_wrong_with_its_numbers_is_one_line(name: str, says: str):
-    with pytest.raises(UserError, match=f"'own_metric:{name}': {says}"):
-        ran(name)
+def test_what_is_wrong_with_its_numbers_is_one_line_and_the_run_stays(
+    name: str, says: str, caplog: pytest.LogCaptureFixture
+):
+    measured = {value.metric for value in ran(name).measured}
+    assert "first_answer_mean" in measured and f"own_metric:{name}" not in measured
+    (line,) = caplog.messages
+    assert re.search(f"'own_metric:{name}': {says}", line) and "\n" not in line
 
 
 def test_its_number_may_be_of_numpy():
