@@ -187,7 +187,8 @@ def test_colour_can_be_switched_off():
 )
 def test_the_nearest_name_is_suggested(line, near, status, capsys):
     assert main(line.split()) == status
-    assert near in capsys.readouterr().err
+    (said,) = capsys.readouterr().err.splitlines()
+    assert near in said
 
 
 @pytest.mark.process
