@@ -150,13 +150,18 @@ class ConsumerJudge:
             consumer.on_answer(answer, now_ns)
 
     def published(self, image: Image) -> None:
-        """A camera took a frame; the car is judged unless only its first camera's frames count."""
+        """A camera took a frame; the car is judged unless only those of its first camera that
+        its truth tells of count.
+        """
         now_ns, stream, car = image.header
         truth = self._truths.get(car)
         if truth is None:
             return
         consumer = self._consumers[car]
         consumer.on_frame(image)
+        labelled = getattr(truth, "cameras", None)
+        if labelled is not None and getattr(image.content, "camera", None) not in labelled:
+            return
         if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
             return
         self._scenes.append(JudgedScene(image, truth, consumer.shown(now_ns), is_consumer=True))

@@ -287,6 +287,23 @@ def trace() -> Trace:
     return read_trace(files.find(files.TRACE, "kitti_0005"))
 
 
+@pytest.mark.parametrize(
+    ("recording", "more"), [("03", ()), ("02", ("judged=all",))], ids=["its only", "one of all"]
+)
+def test_a_car_is_not_judged_at_frames_of_which_its_truth_tells_nothing(
+    *, table: TruthTable, trace: Trace, tmp_path: Path, recording: str, more: tuple[str, ...]
+):
+    path = tmp_path / "own.parquet"
+    write_trace(path, trace)
+    write_truth(path_beside(path), replace(table, cameras=("02",)))
+    cameras = f"cameras=[{{name: a, recording: '{recording}'}}, {{name: b, recording: '03'}}]"
+    setting = f"perception.trace={path}", cameras
+    with pytest.raises(UserError, match=r"record: held: car.* at the frames of 03: .* of 02 alone"):
+        run_in_memory(short(*setting, *more))
+    if more:
+        assert not run_in_memory(short(*setting, "methods=[local]")).held.empty
+
+
 @pytest.fixture
 def table(trace: Trace) -> TruthTable:
     rows = (
