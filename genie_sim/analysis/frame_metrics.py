@@ -103,12 +103,12 @@ def _improvement(pair: PairedFrames) -> Estimate:
     samples: list[Sample] = [mean_of(frames, response_ms(frames, "first")) for frames in pair]
     counts = [int(sample.below.sum()) for sample in samples]
     if not all(counts):
-        return Estimate(None)
+        return Estimate(None, n=0)
     ours, theirs = (
         float(sample.above.sum()) / n for sample, n in zip(samples, counts, strict=True)
     )
     if not theirs:
-        return Estimate(None)
+        return Estimate(None, n=0)
     half, _ = half_of_pair(samples, (1 / theirs, -ours / theirs**2))
     value = 1 - ours / theirs
     return Estimate(value, *around(value, half), min(counts))

@@ -127,7 +127,7 @@ def _reuse(lookups: Columns) -> Estimate:
     """With the lowest and the highest ratio that any Genie has had so far at any time."""
     ratios, running = list(reuse(lookups).values()), running_reuse(lookups)["ratio"]
     if not ratios:
-        return Estimate(None)
+        return Estimate(None, n=0)
     value, n = float(np.mean(ratios)), int(lookups["requests"].sum())
     return Estimate(value, n=n, range_low=float(running.min()), range_high=float(running.max()))
 

@@ -72,7 +72,7 @@ class Sample(NamedTuple):
     def estimate(self, is_share: bool, intervals: bool = True) -> Estimate:
         """The number with its 95 % interval, over blocks of one second of each car."""
         if not len(self.rows) or not np.any(self.below):
-            return Estimate(None)
+            return Estimate(None, n=0)
         blocks = blocks_of(self.rows) if intervals else None
         if self.percent:
             values = np.where(self.below, self.above, np.nan)

@@ -206,7 +206,7 @@ def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = 
     """
     whole = float(below.sum())
     if not whole:
-        return Estimate(None)
+        return Estimate(None, n=0)
     value, n = float(above.sum() / whole), round(whole)
     half = None if blocks is None else blocks.half_width(blocks.influence(above, below))
     if half is None or not is_share or not 0 <= value <= 1:
@@ -230,7 +230,7 @@ def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Estimate:
     known = ~np.isnan(values)
     n = int(known.sum())
     if not n:
-        return Estimate(None)
+        return Estimate(None, n=0)
     value = float(np.percentile(values[known], percent))
     below = known & (values <= value)
     half = None

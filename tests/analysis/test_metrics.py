@@ -143,7 +143,7 @@ def test_what_is_not_defined_is_none():
     table.append(FrameRow("local", "car1", "camera_02", 0, 0, 0))
     result = of_tables(frames=table.to_frame())
     assert result["first_answer_mean", "local"] == MetricValue(
-        "first_answer_mean", "local", "all", "", None, "ms"
+        "first_answer_mean", "local", "all", "", None, "ms", n=0
     )
     share = result["answered_share", "local"]
     assert (share.value, share.low, share.high) == (0.0, None, None)

@@ -72,7 +72,7 @@ def test_answers_around_a_fault_by_hand():
     assert found["fault_fresh_share", "before"] == (0.9, 10)
     assert found["fault_fresh_share", "during"] == (0.0, 5)
     assert found["fault_fresh_share", "after"] == (pytest.approx(11 / 15), 15)
-    assert found["fault_recovery", ""] == (0.5, 0)
+    assert found["fault_recovery", ""] == (0.5, None)
     assert {metric for metric, _ in found} | {"fault_recall", "fault_ghosts"} <= set(METRICS)
 
 
@@ -80,13 +80,13 @@ def test_recovery_needs_95_percent_of_what_was_before_and_an_end():
     before, during = "ffffffffff", "-----"
     fault = ("remote", "crash", "edge1", S, 3 * S // 2)
     recovery = ("fault_recovery", "")
-    assert metrics([fault], frames(before + during + "fffff"))[recovery] == (0.0, 0)
-    assert metrics([fault], frames(before + during + "ffff-" * 4))[recovery] == (None, 0)
-    assert metrics([fault], frames("ffff-" * 2 + during + "ffff-" * 2))[recovery] == (0.0, 0)
-    assert metrics([fault], frames("----------" + during + "fffff"))[recovery] == (None, 0)
+    assert metrics([fault], frames(before + during + "fffff"))[recovery] == (0.0, None)
+    assert metrics([fault], frames(before + during + "ffff-" * 4))[recovery] == (None, None)
+    assert metrics([fault], frames("ffff-" * 2 + during + "ffff-" * 2))[recovery] == (0.0, None)
+    assert metrics([fault], frames("----------" + during + "fffff"))[recovery] == (None, None)
     for_good = ("remote", "crash", "edge1", S, float("nan"))
     found = metrics([for_good], frames(before + during))
-    assert found[recovery] == (None, 0) and found["fault_fresh_share", "during"] == (0.0, 5)
+    assert found[recovery] == (None, None) and found["fault_fresh_share", "during"] == (0.0, 5)
     assert found["fault_fresh_share", "after"] == (None, 0)
 
 
