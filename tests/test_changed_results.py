@@ -131,7 +131,7 @@ WRONG_METRICS = {
     "value": ["fast", True, float("inf"), float("nan"), 10**400, [], 1e300],
     "low": ["x", 1e300],
     "range_low": [float("-inf")],
-    "n": [-3, 1.5, True, None],
+    "n": [-3, 1.5, True],
     "unit": [["ms"], None],
     "metric": ["zzz", 5, {}],
     "method": ["nobody", None],
