@@ -34,7 +34,7 @@ from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 Value = TypeVar("Value")
 Seeds = Mapping[int, Run]  # the runs of one setting, by seed
 Cells = Mapping[str, Seeds]  # the settings of one result, by name: {"rate 0.1": {1: run, 2: run}}
-Number = tuple[float, int]  # a value, and over how many rows it is
+Number = tuple[float, int | None]  # a value, and over how many rows it is, where known
 SEEDS, BLOCKS = "seeds", "blocks (1 s of one car each) of one seed"
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
@@ -415,7 +415,7 @@ def _names_by_content(runs: Sequence[Run]) -> list[str]:
 def _over_seeds(row: Difference, pairs: Sequence[tuple[Number, Number]]) -> Difference:
     """The row with its interval over seeds, of each of which there are the numbers of both."""
     of_seeds = [own - other for (own, _), (other, _) in pairs]
-    fewest = min(n for pair in pairs for _, n in pair)
+    fewest = min((n for pair in pairs for _, n in pair if n is not None), default=None)
     low, high = row.about.over_seeds(
         *mean_and_spread(of_seeds), len(pairs), rows=fewest, is_cut=False
     )

@@ -19,6 +19,7 @@ ONE_RUN = (
 )
 NO_INTERVAL = "no interval"
 ABOUT_NO_INTERVAL = "No interval: one seed gives none of that metric."
+ABOUT_NO_SPREAD = "No interval of seeds that are all equal, or of a percentile of too few answers."
 ABOUT_NEGLIGIBLE = "Negligible: a difference below 1 % of the value."
 ABOUT_SHARES = "Differences of shares are in percentage points."
 
@@ -67,12 +68,14 @@ def about(comparison: ComparedRuns) -> str:
     sentences = [f"{comparison.by[0].upper()}{comparison.by[1:]}."]
     if any(row.about.unit == "%" for row in comparison.rows if row.against):
         sentences.append(ABOUT_SHARES)
-    if any(row.by == BLOCKS for row in comparison.rows):
+    if any(row.by == BLOCKS and row.low is not None for row in comparison.rows):
         sentences.append(ONE_RUN)
     if any(row.difference is not None and not (row.by or row.verdict) for row in comparison.rows):
         sentences.append(ABOUT_NO_INTERVAL)
     if any(row.by == SEEDS and not has_interval(row.n) for row in comparison.rows):
         sentences.append(f"No intervals of fewer than {MIN_SEEDS} seeds.")
+    if any(row.by == SEEDS and has_interval(row.n) and row.low is None for row in comparison.rows):
+        sentences.append(ABOUT_NO_SPREAD)
     if any(row.verdict == "negligible" for row in comparison.rows):
         sentences.append(ABOUT_NEGLIGIBLE)
     intervals = sum(row.low is not None for row in comparison.rows)

@@ -3,7 +3,7 @@
 Sums are over answers or instants (micro averages); intervals are from blocks of one second.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ from genie_sim.analysis.metric import (
     share_of,
 )
 from genie_sim.analysis.statistics import Estimate
-from genie_sim.record.columns import Columns
+from genie_sim.record.columns import Columns, Text
 from genie_sim.record.records import CONSUMER, ZERO_DELAY
 
 CORRECTNESS, LAPS = "Correctness", "Laps"
@@ -35,8 +35,8 @@ HITS = {
 
 def views(tables: MethodTables) -> Iterator[Given]:
     """The answers of a method, and the hits by where the cache is; what its consumers hold at each
-    instant, and in each lap; and, as component ``zero_delay``, the zero-delay detector. It
-    is the same for all methods, and is written under the first that a car drives with.
+    instant, and in each lap; and, as component ``zero_delay``, the zero-delay detector
+    (``of_all_cars``).
     """
     if "answers" in tables:
         answers = tables["answers"]
@@ -54,6 +54,22 @@ def views(tables: MethodTables) -> Iterator[Given]:
             laps = _laps(held, tables["frames"])
             for lap in np.unique(laps).tolist():
                 yield Given("laps", held.rows(laps == lap), component=f"lap {lap + 1}")
+
+
+def of_all_cars(held: Columns, methods: Sequence[str]) -> Columns:
+    """The table with the zero-delay detector of all cars under one of these methods, the first that
+    has it: it is the same for all methods, and each car has it under the first that it drives with.
+    """
+    is_zero_delay = held["what"] == ZERO_DELAY
+    of_methods = held["method"]
+    having = set(of_methods[is_zero_delay].unique())
+    firsts = [method for method in methods if method in having]
+    if len(firsts) < 2:
+        return held
+    is_moved = is_zero_delay & of_methods.isin(firsts)
+    first = of_methods.names.index(firsts[0])
+    codes = np.where(is_moved, first, of_methods.codes)
+    return held.assign(method=Text(codes, of_methods.names))
 
 
 def _laps(held: Columns, frames: Columns) -> Any:

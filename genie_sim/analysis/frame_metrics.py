@@ -34,7 +34,7 @@ SPAN = "from the camera's stamp of a frame to its"
 
 
 class PairedFrames(NamedTuple):
-    """The same frames under a method and under its baseline."""
+    """The frames of the same cars under a method and under its baseline."""
 
     ours: Columns
     theirs: Columns
@@ -47,10 +47,15 @@ def views(tables: MethodTables) -> Iterator[Given]:
 
 
 def pairs(tables: MethodTables, baselines: Mapping[str, MethodTables]) -> Iterator[Given]:
-    """The frames of a method beside those of each baseline, as component."""
+    """The frames of a method beside those of each baseline, as component, of the cars that drive
+    under both.
+    """
     for name, theirs in baselines.items():
         if "frames" in tables and "frames" in theirs:
-            yield Given("pairs", PairedFrames(tables["frames"], theirs["frames"]), component=name)
+            both = tables["frames"], theirs["frames"]
+            cars = set(both[0]["car"].unique()).intersection(both[1]["car"].unique())
+            ours, others = (frames.rows(frames["car"].isin(cars)) for frames in both)
+            yield Given("pairs", PairedFrames(ours, others), component=name)
 
 
 def response_ms(frames: Columns, answer: str) -> Floats:
@@ -171,7 +176,8 @@ METRICS = {
         "%",
         HIGHER,
         IMPROVEMENTS,
-        meaning="1 - mean first answer of the method / that of the baseline.",
+        meaning="1 - mean first answer of the method / that of the baseline, of the cars that "
+        "drive under both.",
         formula=_improvement,
         kind="pairs",
         is_signed=True,

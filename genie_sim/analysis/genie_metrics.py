@@ -92,7 +92,8 @@ def _counted(
 
 def running_boost(lookups: Columns) -> Columns:
     """All confidence that a placement's maps added so far, over the objects that they then store,
-    from the first object on: columns ``t_ns``, ``events`` (how many look-ups) and ``boost``.
+    after a warm-up over those more than at its end, from the first object on: columns ``t_ns``,
+    ``events`` (how many look-ups) and ``boost``.
     """
     stored = np.cumsum(_added_entries(lookups))
     known = stored > 0
@@ -102,11 +103,16 @@ def running_boost(lookups: Columns) -> Columns:
 
 
 def _added_entries(lookups: Columns) -> "Ints":
-    """How many entries each look-up adds to the map of its Genie."""
+    """How many entries each look-up adds to the map of its Genie. After a warm-up the first row of
+    a Genie finds entries that no row added: all but those that it can have added itself, the
+    objects of a sighting that were not stored.
+    """
     genies: Text = lookups["genie"]
     order = np.argsort(genies.codes, kind="stable")
     codes, entries = genies.codes[order], lookups["entries"][order].astype(np.int64)
-    before = np.where(np.diff(codes, prepend=-1) == 0, np.roll(entries, 1), 0)
+    new = np.where(lookups["kind"] == "sighting", lookups["requests"] - lookups["updates"], 0)
+    found = np.maximum(entries - new[order], 0)
+    before = np.where(np.diff(codes, prepend=-1) == 0, np.roll(entries, 1), found)
     added: Ints = np.empty_like(entries)
     added[order] = entries - before
     return added
@@ -133,7 +139,7 @@ def _pooled(lookups: Columns) -> Estimate:
 
 def _boost(lookups: Columns) -> Estimate:
     maps = objects(lookups)
-    stored = sum(last_of_genies(maps))
+    stored = max(int(_added_entries(maps).sum()), 0)
     return quotient(math.fsum(maps["boost_sum"]), stored)
 
 
@@ -191,7 +197,7 @@ METRICS = {
         "confidence boost",
         "",
         "Confidence added by all Genies of a placement until the end, over the objects that they "
-        "then store.",
+        "then store; after a warm-up, over those more than at its end.",
         _boost,
         better=HIGHER,
         tier=SHORT,

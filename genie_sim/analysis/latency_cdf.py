@@ -45,7 +45,7 @@ def latency_cdf(
     A curve ends at the share of published frames that were answered at all. The fresh result is a
     thin curve with hollow markers where it differs from the first answer. Markers stand at other
     places on each curve, so equal curves are told apart. Of several seeds a curve is the mean of
-    theirs, with a band from three on: the 95 % t interval at each time.
+    theirs, with a band from three on: the 95 % t interval at each time, within 0 and 1.
 
     Parameters
     ----------

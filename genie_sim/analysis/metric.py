@@ -194,13 +194,14 @@ class Metric:
         return number._replace(low=low, high=high)
 
     def over_seeds(
-        self, mean: float, spread: float, seeds: int, *, rows: float, is_cut: bool = True
+        self, mean: float, spread: float, seeds: int, *, rows: float | None, is_cut: bool = True
     ) -> tuple[float | None, float | None]:
         """The ends of the interval of its mean over seeds (``statistics.around_mean``), within what
         is possible unless the mean is one of differences; none where a run's number is over fewer
-        than ``needs`` rows. Those of the run with the fewest are ``rows``.
+        than ``needs`` rows. Those of the run with the fewest are ``rows``; None or NaN is
+        not known.
         """
-        if rows < self.needs:
+        if rows is not None and rows < self.needs:
             return None, None
         low, high = around_mean(mean, spread, seeds)
         return self.cut(mean, low, high) if is_cut else (low, high)

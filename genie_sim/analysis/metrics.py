@@ -7,6 +7,7 @@ nothing of other seeds or drives. Of shares it is Wilson's, with as many rows as
 stands for. Over several seeds it is ``tidy.across_seeds``.
 """
 
+import logging
 import math
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis import frame_metrics
+from genie_sim.analysis import correctness, frame_metrics
 from genie_sim.analysis.metric import Given, MethodTables, Metric, Sample, of_method
 from genie_sim.analysis.registry import METRICS, MODULES, OWN, WORDS, check_words
 from genie_sim.analysis.statistics import Estimate
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
     Recorded = Columns | pd.DataFrame
 
-
+log = logging.getLogger(__name__)
 KINDS = tuple(dict.fromkeys(metric.kind for metric in METRICS.values()))
 # The kinds of formulas that are given rows of a table, and which.
 ROWS = {
@@ -113,13 +114,16 @@ def compute(
     intervals : bool
         Whether numbers get intervals, too. Many runs, whose spread counts, need none.
     own : sequence of str
-        Metrics of the user's own, ``package.module:name``. Raises ``UserError`` for one that
-        cannot be computed.
+        Metrics of the user's own, ``package.module:name``. One that fails on these rows is left
+        out, with a warning.
     """
+    failed: set[str] = set()
     by_kind: dict[str, dict[str, Metric]] = {}
     for name, metric in {**METRICS, **own_metrics(own)}.items():
         by_kind.setdefault(metric.kind, {})[name] = metric
     columns = {name: Columns.of(table) for name, table in tables.items()}
+    if "held" in columns:
+        columns["held"] = correctness.of_all_cars(columns["held"], [each.name for each in methods])
     by_method = {method.name: of_method(columns, method.name) for method in methods}
     baselines = {method.name: by_method[method.name] for method in methods if method.baseline}
     measured = []
@@ -130,22 +134,44 @@ def compute(
             *frame_metrics.pairs(by_method[method.name], against),
         ):
             for name, metric in by_kind.get(given.kind, {}).items():
-                number = _number(name, metric, given.rows, intervals)
-                if number is not None:
-                    value = MetricValue(
-                        name,
-                        method.name,
-                        given.placement,
-                        given.component,
-                        unit=metric.unit_in_files,
-                        **number._asdict(),
-                    )
-                    value = rounded(value)
-                    if is_own(name):
-                        with as_user_error(f"metric {name!r}", ValueError):
-                            value.check()
+                if name in failed:
+                    continue
+                try:
+                    value = _value(name, metric, method.name, given, intervals=intervals)
+                except UserError as error:
+                    if not is_own(name):
+                        raise
+                    log.warning("%s; this metric of your own is left out", error)
+                    failed.add(name)
+                    continue
+                if value is not None:
                     measured.append(value)
-    return measured
+    return [value for value in measured if value.metric not in failed]
+
+
+def _value(
+    name: str, metric: Metric, method: str, given: Given, *, intervals: bool
+) -> MetricValue | None:
+    """A metric's number of some rows of a method. Raises ``UserError`` for whatever goes wrong in
+    one of the user's own.
+    """
+    number = _number(name, metric, given.rows, intervals)
+    if number is None:
+        return None
+    value = rounded(
+        MetricValue(
+            name,
+            method,
+            given.placement,
+            given.component,
+            unit=metric.unit_in_files,
+            **number._asdict(),
+        )
+    )
+    if is_own(name):
+        with as_user_error(f"metric {name!r}", ValueError):
+            value.check()
+    return value
 
 
 def views(tables: MethodTables) -> Iterator[Given]:

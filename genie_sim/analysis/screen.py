@@ -17,7 +17,8 @@ from genie_sim.record.results import Run
 
 def header(run: Run | SeedRuns) -> str:
     """What was run: ``town: 3 cars, 3 edges, 15.8 s simulated, 462 frames under each of 3 methods,
-    seed 1``. Frames are those of one seed.
+    seed 1``. Frames are those of one seed; where methods have other
+    cars, from the fewest to the most.
     """
     scenario = run.runs[0].facts["scenario"]
     fleet = scenario.get("fleet")
@@ -28,11 +29,14 @@ def header(run: Run | SeedRuns) -> str:
     if fleet is None:
         parts.append(_count(len(scenario["edges"]), "edge"))
     methods = run.methods
-    of_method = frames.where(method=methods[0].name) if methods else frames
-    if len(of_method):
-        parts.append(f"{number_text(simulated_s(of_method))} s simulated")
+    of_methods = [frames.where(method=method.name) for method in methods] or [frames]
+    simulated = [rows for rows in of_methods if len(rows)] or of_methods[:1]
+    fewest, most = min(map(len, simulated)), max(map(len, simulated))
+    if most:
+        parts.append(f"{number_text(max(map(simulated_s, simulated)))} s simulated")
     under = f"each of {len(methods)} methods" if len(methods) > 1 else "one method"
-    parts.append(f"{_count(len(of_method), 'frame')} under {under}")
+    some = "" if fewest == most else f"{fewest:,} to "
+    parts.append(f"{some}{_count(most, 'frame')} under {under}")
     parts += filter(None, [run.runs[0].warm_up])
     parts.append(seeds_text([of_seed.seed for of_seed in run.runs]))
     name = f"{run.label} ({run.name})" if run.label else run.name

@@ -13,6 +13,7 @@ from genie_sim.analysis.registry import Words, checked_words
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance, results
+from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 
 SWEEP_FILE = "sweep.json"  # what a study says of itself
@@ -114,8 +115,9 @@ def means_of(runs: Sequence[Run]) -> list[MetricValue]:
 
 
 def with_methods(run: Run | SeedRuns, names: Sequence[str]) -> Run | SeedRuns:
-    """The same run, or runs, with the numbers of these methods alone, in this order; of no names,
-    all. Its tables stay as they are. Raises ``UserError`` for a method that did not run.
+    """The same run, or runs, with the numbers of these methods alone, in this order, and of the
+    zero-delay detector, which is of no method; of no names, all. Its tables stay as they are.
+    Raises ``UserError`` for a method that did not run.
     """
     if not names:
         return run
@@ -133,7 +135,11 @@ def _with_methods(run: Run, names: Sequence[str]) -> Run:
     return replace(
         run,
         facts={**run.facts, "methods": [by_name[name] for name in dict.fromkeys(names)]},
-        measured=[metric for metric in run.measured if metric.method not in left_out],
+        measured=[
+            metric
+            for metric in run.measured
+            if metric.method not in left_out or metric.component == ZERO_DELAY
+        ],
     )
 
 

@@ -47,17 +47,15 @@ def around_mean(mean: float, spread: float, seeds: int) -> tuple[float | None, f
 
 def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Floats]:
     """Of curves, a row a seed: at each place their mean and the ends of its 95 % t interval, of
-    ``shares`` Wilson's; no interval of fewer than ``MIN_SEEDS``.
+    ``shares`` within 0 and 1; no interval of fewer than ``MIN_SEEDS``.
     """
     n = len(seeds)
     mean = seeds.mean(axis=0)
     if not has_interval(n):
         return mean, mean, mean
     half = half_of_mean(seeds.std(axis=0, ddof=1), n)
-    if not shares:
-        return mean, mean - half, mean + half
-    low, high = np.transpose([wilson(*place) for place in zip(mean, half, strict=True)])
-    return mean, low, high
+    least, most = (0.0, 1.0) if shares else (-np.inf, np.inf)
+    return mean, np.maximum(mean - half, least), np.minimum(mean + half, most)
 
 
 class Blocks:
@@ -182,14 +180,14 @@ def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
 
 
 class Estimate(NamedTuple):
-    """A number, the ends of its 95 % interval, over how many rows it is, and the lowest and the
-    highest value that something has where it is one of several.
+    """A number, the ends of its 95 % interval, over how many rows it is (None: not known), and the
+    lowest and the highest value that something has where it is one of several.
     """
 
     value: float | None
     low: float | None = None
     high: float | None = None
-    n: int = 0
+    n: int | None = None
     range_low: float | None = None
     range_high: float | None = None
 

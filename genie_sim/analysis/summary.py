@@ -80,6 +80,7 @@ ABOUT_INTERVALS = (
     "In brackets: the 95 % interval inside this run (blocks of one second; other seeds and drives "
     "may differ by more). A range of reuse: the lowest and the highest running ratio of any Genie."
 )
+ABOUT_MAIN = ": response times, correctness and cost"
 IN_ONE_RUN = "In brackets: 95 % intervals inside the run, over blocks of one second."
 
 
@@ -110,13 +111,12 @@ class _Numbers:
             (metric.metric, metric.method, metric.placement, metric.component): metric
             for metric in run.measured
         }
-        simulated = {metric.method for metric in run.measured}
+        simulated = dict.fromkeys(metric.method for metric in run.measured)
         self._methods = [method for method in run.methods if method.name in simulated]
         self._columns = [_Column(one_line(method.title), method.name) for method in self._methods]
-        for method in self._methods:
-            if ("streaming_f1", method.name, "all", ZERO_DELAY) in self._by_place:
-                title = component_title(ZERO_DELAY)
-                self._columns.append(_Column(title, method.name, ZERO_DELAY))
+        for name in simulated:
+            if ("streaming_f1", name, "all", ZERO_DELAY) in self._by_place:
+                self._columns.append(_Column(component_title(ZERO_DELAY), name, ZERO_DELAY))
                 break
         used = busiest(run.measured)
         self._busiest, self.less_busy = used[:MAX_RESOURCES], len(used[MAX_RESOURCES:])
@@ -212,18 +212,18 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
         ]
         return renderers.csv_of_rows(TIDY_FIELDS, rows)
     if format == "latex":
-        return _latex(run, main)
+        return _latex(run, main, "" if metrics else ABOUT_MAIN)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
     return renderers.markdown(replace(main, notes=notes))
 
 
-def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
-    """The table with a caption that says what it is of."""
+def _latex(run: Run | SeedRuns, table: ResultTable, about_rows: str) -> str:
+    """The table with a caption that says what it is of, and of which rows."""
     seeds = seeds_text([of_seed.seed for of_seed in run.runs])
     about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
     titled = replace(
         table,
-        title=f"{run.title}: response times, correctness and cost ({seeds})",
+        title=f"{run.title}{about_rows} ({seeds})",
         notes=[about, *table.notes],
     )
     return renderers.latex(titled, run.title)

@@ -39,12 +39,13 @@ def across_seeds(
     ranges = [name for name in ("range_low", "range_high") if name in runs]
     columns = {"value": "mean", **dict.fromkeys(ranges, "mean")}
     if "n" in runs:
+        runs = runs.astype({"n": float})  # NaN is not known
         columns["n"] = "min"
     per_seed = runs.groupby([*keys, "seed"], sort=False, dropna=False).agg(columns)
     grouped = per_seed.groupby(keys, sort=False, dropna=False)
     spread, count = grouped["value"].std().to_numpy(), grouped["value"].count().to_numpy()
     rows = grouped.mean().reset_index().assign(n=count)
-    least = grouped["n"].min().to_numpy() if "n" in runs else np.full(len(rows), np.inf)
+    least = grouped["n"].min().to_numpy() if "n" in runs else np.full(len(rows), np.nan)
     names, means = rows["metric"].tolist(), rows["value"].to_numpy()
     metrics = {name: definition(name, own) for name in set(names) if isinstance(name, str)}
     low, high = np.full(len(rows), np.nan), np.full(len(rows), np.nan)

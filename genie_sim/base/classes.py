@@ -11,6 +11,9 @@ CANONICAL = {label: group[0] for group in GROUPS.values() for label in group}
 
 # On drive 0005 the labelled centres of parked cars wander by up to 0.3 m a second, from the labels'
 # and OXTS's own errors; a slow walk is 1 m/s.
+# What moves, as the truth tells it: a labelled track of KITTI that is faster over all its time
+# (``data.kitti.drive_truth``), an object of tables that is faster over the second around that time
+# (``data.table_import``), and in towns and traffic what is faster at that instant.
 MOVING_MPS = 0.5
 
 

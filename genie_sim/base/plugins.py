@@ -92,8 +92,8 @@ def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str
 def resolve(
     what: str, name: str, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
 ) -> Any:
-    """The class or function called ``name``; an own one must have the ``methods``,
-    of ``a or b`` either. Raises ``UserError``.
+    """The class or function called ``name``; an own one must have the ``methods``. Raises
+    ``UserError``.
 
     The module may lie in the current folder, also for the installed command, where Python does not
     look by itself.
@@ -123,11 +123,7 @@ def resolve(
         made = getattr(importlib.import_module(module_name), class_name)
     if entry is None:
         own_sources.note(module_name)
-    lacking = [
-        method
-        for method in methods
-        if not any(hasattr(made, name) for name in method.split(" or "))
-    ]
+    lacking = [method for method in methods if not hasattr(made, method)]
     if lacking:
         raise UserError(f"{what} {name!r}: has no {', '.join(lacking)}; needs {', '.join(methods)}")
     return made

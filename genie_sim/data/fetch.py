@@ -4,6 +4,7 @@ checked, unpacked with care.
 The only module that touches the network. pooch comes with the extra ``fetch``.
 """
 
+import filecmp
 import logging
 import re
 import stat
@@ -15,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.paths import usable
+from genie_sim.base.paths import sha256_of, usable
 from genie_sim.base.progress import Progress
 
 log = logging.getLogger(__name__)
@@ -117,6 +118,8 @@ def receive(
     path = folder / url.rpartition("/")[2]
     if path.exists() and not path.is_file():
         raise UserError(f"{path}: cannot be written: no file of that name")
+    if path.exists() and sha256 not in (None, sha256_of(path)):
+        raise UserError(f"{path}: is there already, and is not that of {url}; say where else")
     by_hand = f"{url}: not received; to do it by hand, put it, a ZIP unpacked, into --out"
     downloader = pooch.HTTPDownloader(
         progressbar=_Counted(url, most_bytes, progress),
@@ -161,8 +164,8 @@ class _Counted:
 
 def unpack(archive: Path, folder: Path) -> None:
     """Files of a ZIP archive into a folder. Nothing is left there if an entry has no name, would
-    leave the folder, is a link, is encrypted, appears twice, is where a folder must be or is
-    broken, or if all of them are too many or unpack to too much; UserError says which.
+    leave the folder, is a link, is encrypted, appears twice, is where a folder or another file is
+    or is broken, or if all of them are too many or unpack to too much; UserError says which.
     """
     root = folder.resolve()
     broken = (
@@ -186,6 +189,10 @@ def unpack(archive: Path, folder: Path) -> None:
         # all of them, before any is put where it belongs; never more than the archive says
         with TemporaryDirectory(dir=root, prefix=f"{archive.name}.", suffix=".part") as whole:
             parts = [packed.extract(entry, whole) for entry in entries]
+            for part, target in zip(parts, targets, strict=True):
+                if target.exists() and not filecmp.cmp(part, target, shallow=False):
+                    text = f"is there already, and is not that of {archive.name}; say where else"
+                    raise UserError(f"{target}: {text}")
             for part, target in zip(parts, targets, strict=True):
                 target.parent.mkdir(parents=True, exist_ok=True)
                 Path(part).replace(target)

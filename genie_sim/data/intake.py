@@ -104,7 +104,9 @@ def traces(
             raise UserError(f"{report.path}: truth: has the objects of {car} in {counts}")
         views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
         ordered = _in_order(views, first_ns, numbered, report)
-        by_car[car] = checked(report.path, [view.frame for view in ordered])
+        by_car[car] = _with_shared_features(
+            checked(report.path, [view.frame for view in ordered]), report
+        )
         objects[car] = [
             (view.frame, truth_row(view.frame, there)) for view in ordered for there in view.there
         ]
@@ -116,7 +118,7 @@ def traces(
     import_facts = {"import": report.facts()}
     imported = {}
     for car, by_camera in by_car.items():
-        features = feature_facts(by_camera)
+        features = feature_facts(report.path, by_camera)
         about = {**provenance, **({"features": features} if features else {}), **import_facts}
         if len(by_car) > 1:
             about["car"] = car
@@ -205,6 +207,24 @@ def _in_order(
         )
         ordered += spaced
     return ordered
+
+
+def _with_shared_features(
+    cameras: Mapping[str, Sequence[TraceFrame]], report: ImportReport
+) -> dict[str, Sequence[TraceFrame]]:
+    """The frames with those features that all cameras have: a lidar, say, has none."""
+    names = {camera: {n for frame in of for n in frame.features} for camera, of in cameras.items()}
+    shared, kept = set.intersection(*names.values()), dict(cameras)
+    for camera, frames in cameras.items():
+        for name in sorted(names[camera] - shared):
+            report.leave_out(f"features {name!r} of {camera}, which another has not", len(frames))
+            kept[camera] = [
+                replace(
+                    frame, features={n: frame.features[n] for n in frame.features if n in shared}
+                )
+                for frame in frames
+            ]
+    return kept
 
 
 def _check_ways(

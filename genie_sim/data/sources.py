@@ -98,10 +98,17 @@ class RecordedDrives(Drives):
         truth = None if path is None else truth_beside(path, trace)
         origin = self.main.origin if self.origin is None else self.origin
         trace = trace.rebased(origin)
+        truth = None if truth is None else truth.rebased(origin)
+        for other in self._recordings.values():
+            if truth and other.truth and truth.trace == other.truth.trace and truth != other.truth:
+                raise UserError(
+                    f"{path}: is the trace in {other.path}, whose truth table is another; take "
+                    "one of them away"
+                )
         namesakes = (other for other in self._recordings.values() if other.trace.name == trace.name)
         if any(other.trace.digest != trace.digest for other in namesakes):
             trace = replace(trace, name=f"{trace.name} ({trace.digest[:NAMED_DIGITS]})")
-        return Recording(trace, path, None if truth is None else truth.rebased(origin))
+        return Recording(trace, path, truth)
 
     def truth_of(self, drive: "Trace") -> "RecordedTruth | None":
         recordings = self._recordings.values()

@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, Union
 
@@ -195,9 +195,15 @@ class _Object:
         )
 
     def is_moving(self, times_s: Array) -> Flags:
-        """Whether it moves at some times (n,), by its places over the second around each."""
-        first_s = np.maximum(times_s - MOVING_OVER_S / 2, self.times_s[0])
-        last_s = np.minimum(times_s + MOVING_OVER_S / 2, self.times_s[-1])
+        """Whether it moves at some times (n,), by its places over the second around each, as far as
+        it is there without a gap.
+        """
+        own_s, row = self.times_s, self.at(times_s).row
+        stretch = np.append(0, np.cumsum(np.diff(own_s) > TRUTH_GAP_S))  # without a gap, of a row
+        began_s = own_s[np.searchsorted(stretch, stretch)][row]
+        ended_s = own_s[np.searchsorted(stretch, stretch, side="right") - 1][row]
+        first_s = np.maximum(times_s - MOVING_OVER_S / 2, began_s)
+        last_s = np.minimum(times_s + MOVING_OVER_S / 2, ended_s)
         begin, end = self.at(first_s), self.at(last_s)
         way_m = np.hypot(*(end.place - begin.place)[:, :2].T)
         duration_s = last_s - first_s
@@ -238,9 +244,9 @@ def cars_of_tables(
     by_car = _read_poses(tables["poses"], report)
     detected = _read_detections(tables["detections"], by_car, classes=classes, report=report)
     digests = {table.path.name: table.digest for table in tables.values()}
-    if len(digests) < len(tables):
-        *_, last = tables.values()
-        raise UserError(f"{last.path}: has the name of another of the tables; rename it")
+    for table, other in combinations(tables.values(), 2):
+        if other.path.name == table.path.name:
+            raise UserError(f"{other.path}: has the name of {table.path}; rename it")
     key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
     first_s = min(rows[0].time_s for rows in by_car.values())
     first_ns = round(first_s * NS_PER_S)
@@ -307,7 +313,8 @@ def _time_s(row: tuple[str, PoseRow | ObjectRow]) -> float:
 def _apart(what: str, rows: Sequence[tuple[str, Row]]) -> list[Row]:
     """Rows that are in order of time. Raises UserError for one in the millisecond of another."""
     for (_, before), (where, after) in pairwise(rows):
-        if after.time_s - before.time_s <= 2 * SAME_TIME_S:
+        apart_us = round((after.time_s - before.time_s) * NS_PER_S / NS_PER_US)
+        if apart_us * NS_PER_US < CLOSEST_NS:
             raise UserError(
                 f"{where}: time_s: {after.time_s:.15g} must be at least a millisecond after "
                 f"{before.time_s:.15g}, a time of {what}, too"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from genie_sim.base import parquet
-from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.geometry import Geodetic, heading_of, transform
 from genie_sim.base.paths import remembered
 from genie_sim.core.messages import CameraPose, Detection
@@ -152,12 +152,22 @@ class Trace(Drive):
         return replace(self, origin=origin, frames=frames)
 
 
-def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
-    """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by
-    camera.
+def feature_facts(
+    path: object, frames: Mapping[str, Sequence[TraceFrame]]
+) -> dict[str, dict[str, Any]]:
+    """Of each feature: its dimension, and the sha256 of all of them, camera by camera. Raises
+    UserError, naming ``path``, for a frame whose features are not those of the first, or as long.
     """
     ordered = [frame for camera in sorted(frames) for frame in frames[camera]]
-    names = set.intersection(*(set(frame.features) for frame in ordered)) if ordered else set()
+    names = {name for frame in ordered for name in frame.features}
+    for frame in ordered:
+        for name in sorted(names):
+            value, first = frame.features.get(name), ordered[0].features.get(name, b"")
+            if not (value and isinstance(value, bytes) and len(first) in (0, len(value))):
+                raise UserError(
+                    f"{path}: camera {frame.camera!r}, frame {frame.index}: feature {name!r} is "
+                    f"{short_repr(value)}; every frame must have it, as bytes of one length"
+                )
     return {
         name: {
             "dimension": len(ordered[0].features[name]),
@@ -181,7 +191,7 @@ def write_trace(path: str | Path, trace: Trace) -> None:
     import pyarrow as pa
 
     frames = [frame for camera in sorted(trace.frames) for frame in trace.frames[camera]]
-    features = sorted(feature_facts(trace.frames))
+    features = sorted(feature_facts(path, trace.frames))
     schema = _schema()
     for name in features:
         schema = schema.append(pa.field(FEATURE + name, pa.binary(len(frames[0].features[name]))))
@@ -213,7 +223,9 @@ def read_trace(path: Path) -> Trace:
     sequence = _sequence(path, about)
     trace = Trace(about["name"], about["origin"], by_camera, about["provenance"], sequence=sequence)
     world_table.check_digest(path, trace.digest, about)
-    if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
+    if "features" in trace.provenance and trace.provenance["features"] != feature_facts(
+        path, by_camera
+    ):
         raise UserError(
             f"{path}: features do not match the digests in its own provenance: file was altered"
         )

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from genie_sim.base.classes import CANONICAL, class_of
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import remembered
@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     import pyarrow
 
 SUFFIX = ".truth.parquet"
-METADATA = ("trace", "tolerance_m", "range_m")  # of a table's file, besides what all tell
+METADATA = (
+    "trace",
+    "tolerance_m",
+    "range_m",
+    "cameras",
+)  # of a table's file, besides what all tell
 MAX_RANGE_M = 1000.0  # no sensor of a car sees farther
 
 
@@ -70,7 +75,8 @@ class TruthRow(NamedTuple):
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
     trace they belong to, as its file has it; ``digest`` is the sha256 of trace, origin and rows,
-    and of the range where it is not the usual one.
+    and of the range where it is not the usual one, and the cameras where they are not all.
+    ``cameras`` are those whose frames have labels; ``None``: all of the trace.
 
     An object that is held is right within ``SAME_M`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
@@ -81,6 +87,7 @@ class TruthTable:
     rows: tuple[TruthRow, ...]
     provenance: Mapping[str, Any]
     range_m: float = RANGE_M
+    cameras: tuple[str, ...] | None = None
     tolerance_m: ClassVar[float] = SAME_M
 
     @functools.cached_property
@@ -89,6 +96,8 @@ class TruthTable:
         content = [self.trace, [float(x) for x in self.origin], self.rows]
         if self.range_m != RANGE_M:
             content.append([SAME_M, self.range_m])
+        if self.cameras is not None:
+            content.append(["cameras", *self.cameras])
         return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
@@ -111,7 +120,7 @@ class RecordedTruth:
     tolerance_m = SAME_M
 
     def __init__(self, table: TruthTable) -> None:
-        self.range_m = table.range_m
+        self.range_m, self.cameras = table.range_m, table.cameras
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
         places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
         for row in table.rows:
@@ -173,6 +182,8 @@ def check(path: object, table: TruthTable) -> None:
         raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
     check_rows(path, table.rows)
     check_range(f"{path}: metadata", table.range_m)
+    if table.cameras is not None and not {row.camera for row in table.rows} <= {*table.cameras}:
+        raise UserError(f"{path}: metadata: cameras {table.cameras!r} are not those of its rows")
 
 
 def check_rows(path: object, rows: Sequence[TruthRow]) -> None:
@@ -227,8 +238,12 @@ def read_truth_table(path: Path) -> TruthTable:
     """Reads a truth table and checks all of it. Raises UserError."""
     columns, about = world_table.read(path, "truth table", _schema(), "trace")
     rows = tuple(TruthRow(**row) for row in columns.to_pylist())
-    range_m = about.get("range_m", RANGE_M)
-    table = TruthTable(about["trace"], about["origin"], rows, about["provenance"], range_m)
+    cameras = about.get("cameras")
+    if cameras is not None:
+        with as_user_error(f"{path}: metadata: cameras {cameras!r} are no names", TypeError):
+            cameras = tuple(cameras)
+    range_m, provenance = about.get("range_m", RANGE_M), about["provenance"]
+    table = TruthTable(about["trace"], about["origin"], rows, provenance, range_m, cameras)
     check(path, table)
     world_table.check_digest(path, table.digest, about)
     return table

@@ -14,6 +14,19 @@ hold indices and codes:
 - a *camera* is a code of a car and a stream, a *turn* the number of an instant among its camera's;
 - *label* and *class_* are codes of names, which share one numbering (``LabelCodes``); *car* is the
   number of a car, *place* a code of a class and a place (``RecentPlaces``).
+
+What an array has a value for says its type, ``PerScene`` and so on; an array of indices is named
+after both, as ``scene_of_instant``. A window in which the detector is judged for car1 alone, since
+car2 drove under an earlier method::
+
+    scene               0           1           2           3           4
+    car                 car1        car1        car2        car1        car1
+    objects             consumer's  detector's  consumer's  consumer's  detector's
+    instant_of_scene    0           0           1           2           2
+    camera_of_scene     0           0           1           0           0
+    turn_of_scene       0           unused      0           1           unused
+
+    scene_of_instant    0, 2, 3
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -41,6 +54,11 @@ from genie_sim.record.records import CONSUMER, JUDGED, ZERO_DELAY
 from genie_sim.record.tables import Table
 from genie_sim.tracks.consumer import Consumer, Newest, Shown
 
+PerScene = Array  # a value for each scene of the window
+PerItem = Array  # for each object that is held in view, whatever its scene
+PerVisible = Array  # for each object that is there and in view, whatever its scene
+PerPair = Array  # for each pair of an item and a visible object
+
 WINDOW, WINDOW_OF_CAR = 1024, 8  # scenes that are judged at once: the larger number of both
 
 JUDGEMENTS = (*JUDGED, "hidden")  # what is hidden has no row
@@ -48,15 +66,14 @@ RIGHT, MISSED, MOVED_AWAY, NEVER_THERE, DUPLICATE, HIDDEN = range(len(JUDGEMENTS
 
 
 class _Judged(NamedTuple):
-    """The objects that are held in view, and how each (n,) is judged, an index of ``JUDGEMENTS``;
-    then the pairs with visible objects, scene by scene and nearest first, and which of these
-    (pairs,) match.
+    """The objects that are held in view, and how each is judged, an index of ``JUDGEMENTS``; then
+    the pairs with visible objects, scene by scene and nearest first, and which of these match.
     """
 
     items: Held
-    judgement: Array
+    judgement: PerItem
     pairs: Pairs
-    is_match: Array
+    is_match: PerPair
 
 
 class ConsumerJudge:
@@ -133,13 +150,18 @@ class ConsumerJudge:
             consumer.on_answer(answer, now_ns)
 
     def published(self, image: Image) -> None:
-        """A camera took a frame; the car is judged unless only its first camera's frames count."""
+        """A camera took a frame; the car is judged unless only those of its first camera that
+        its truth tells of count.
+        """
         now_ns, stream, car = image.header
         truth = self._truths.get(car)
         if truth is None:
             return
         consumer = self._consumers[car]
         consumer.on_frame(image)
+        labelled = getattr(truth, "cameras", None)
+        if labelled is not None and getattr(image.content, "camera", None) not in labelled:
+            return
         if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
             return
         self._scenes.append(JudgedScene(image, truth, consumer.shown(now_ns), is_consumer=True))
@@ -175,14 +197,14 @@ class ConsumerJudge:
         """
         shown = (scene.shown for scene in self._scenes)
         items = shown_objects(zip(views.now_ns.tolist(), shown, strict=True), self._labels)
-        is_judged = views.see(items.scene, items.east_m, items.north_m)
+        is_judged: PerItem = views.see(items.scene, items.east_m, items.north_m)
         is_judged &= self._knows(views.car[items.scene], items.label)
         items = items.rows(is_judged)
         pairs = self._pairs(items, visible, views.tolerance_m)
-        is_match = np.zeros(len(pairs.ours), dtype=bool)
+        is_match: PerPair = np.zeros(len(pairs.ours), dtype=bool)
         is_match[matches(pairs)] = True
 
-        judgement = np.full(len(items.scene), NEVER_THERE)
+        judgement: PerItem = np.full(len(items.scene), NEVER_THERE)
         judgement[pairs.ours] = DUPLICATE
         judgement[pairs.ours[is_match]] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
@@ -191,9 +213,9 @@ class ConsumerJudge:
         judgement[others[self._were_there(views, visible, items.rows(others))]] = MOVED_AWAY
         return _Judged(items=items, judgement=judgement, pairs=pairs, is_match=is_match)
 
-    def _pairs(self, items: Held, visible: Visible, tolerance_m: Array) -> Pairs:
+    def _pairs(self, items: Held, visible: Visible, tolerance_m: PerScene) -> Pairs:
         """The pairs of a held and a visible object of one scene and class, within the tolerance of
-        the scene (scenes,), scene by scene, nearest first.
+        the scene, scene by scene, nearest first.
         """
         classes = len(self._labels.codes)
         held_group = pair_codes(items.scene, items.class_, classes)
@@ -203,29 +225,29 @@ class ConsumerJudge:
             GroupedPlaces(visible_group, visible.east_m, visible.north_m),
             float(tolerance_m.max()),
         )
-        scene = items.scene[pairs.ours]
-        order = np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene))
-        is_within = pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene]
+        scene_of_pair: PerPair = items.scene[pairs.ours]
+        order = np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene_of_pair))
+        is_within = pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair]
         return pairs.rows(order[is_within[order]])
 
-    def _knows(self, car: Array, label: Array) -> Array:
-        """Which of (n,) labels the truth of the car knows, given their codes and the cars'."""
+    def _knows(self, car: PerItem, label: PerItem) -> PerItem:
+        """Which labels the truth of the car knows, given their codes and the cars'."""
         truths, labels = list(self._truths.values()), list(self._labels.codes)
         is_known = np.zeros((len(truths), len(labels)), dtype=bool)
         is_known[car, label] = True  # asked about
         for of_car, of_label in np.argwhere(is_known).tolist():
             is_known[of_car, of_label] = truths[of_car].knows(labels[of_label])
-        result: Array = is_known[car, label]
+        result: PerItem = is_known[car, label]
         return result
 
-    def _are_there(self, items: Held) -> Array:
-        """Whether anything of its class, visible or not, is where each (n,) is held."""
+    def _are_there(self, items: Held) -> PerItem:
+        """Whether anything of its class, visible or not, is where each is held."""
         result = np.zeros(len(items.scene), dtype=bool)
         labels = list(self._labels.codes)
         truth_of_scene = [self._truth_of[scene.image.header.origin] for scene in self._scenes]
-        truth = np.array(truth_of_scene)[items.scene]
-        for number in np.unique(truth).tolist():
-            rows = np.flatnonzero(truth == number)
+        truth_of_item: PerItem = np.array(truth_of_scene)[items.scene]
+        for number in np.unique(truth_of_item).tolist():
+            rows = np.flatnonzero(truth_of_item == number)
             scenes = [self._scenes[scene] for scene in items.scene[rows].tolist()]
             result[rows] = scenes[0].truth.are_there(
                 [scene.image.content for scene in scenes],
@@ -235,18 +257,16 @@ class ConsumerJudge:
             )
         return result
 
-    def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> Array:
-        """Whether anything of its class was visible lately, before the scene, where each (n,) is
-        held.
-        """
+    def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> PerItem:
+        """Whether anything of its class was visible lately, before the scene, where each is."""
         # What the consumer holds and what is found without delay are judged at one instant.
-        instant = np.cumsum(views.is_consumer) - 1
+        instant_of_scene: PerScene = np.cumsum(views.is_consumer) - 1
         seen = visible.rows(views.is_consumer[visible.scene])
         return self._recent_places.were_there(
             GroupedPlaces(items.class_, items.east_m, items.north_m),
             tolerance_m=views.tolerance_m[items.scene],
-            instant=instant[items.scene],
-            visible=np.stack([seen.place, instant[seen.scene]]),
+            instant=instant_of_scene[items.scene],
+            visible=np.stack([seen.place, instant_of_scene[seen.scene]]),
             now_ns=views.now_ns[views.is_consumer],
         )
 
@@ -258,15 +278,16 @@ class ConsumerJudge:
         by_judgement = [
             _per_scene(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
-        of_pairs = items.scene[pairs.ours]
-        moving = visible.moving == 1
-        found = np.zeros(len(moving), dtype=bool)
+        scene_of_pair: PerPair = items.scene[pairs.ours]
+        moving: PerVisible = visible.moving == 1
+        found: PerVisible = np.zeros(len(moving), dtype=bool)
         found[pairs.theirs[judged.is_match]] = True
         errors_m = np.sqrt(pairs.distance_m2[judged.is_match])
         right = by_judgement[RIGHT]
         with np.errstate(invalid="ignore"):
             error_m = (
-                np.bincount(of_pairs[judged.is_match], weights=errors_m, minlength=scenes) / right
+                np.bincount(scene_of_pair[judged.is_match], weights=errors_m, minlength=scenes)
+                / right
             )
         columns = {
             "method": Text.of(np.zeros(scenes, dtype=np.int64), [self._method]),
@@ -293,24 +314,24 @@ class ConsumerJudge:
     ) -> None:
         """Notes since when each object is judged as it is."""
         items, codes = judged.items, spans.cameras
-        is_held = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
-        is_missed = views.is_consumer[visible.scene]
+        is_held: PerItem = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
+        is_missed: PerVisible = views.is_consumer[visible.scene]
         is_missed[judged.pairs.theirs[judged.is_match]] = False
         missed = visible.rows(is_missed)
-        scene = np.concatenate([items.scene[is_held], missed.scene])
-        camera = np.array(
+        scene_of_object = np.concatenate([items.scene[is_held], missed.scene])
+        camera_of_scene: PerScene = np.array(
             [
                 codes[self._cars[scene.image.header.origin], scene.image.header.frame_id]
                 for scene in self._scenes
             ]
         )
-        instants = np.flatnonzero(views.is_consumer)
-        turn = np.zeros(len(camera), dtype=np.int64)
-        turn[instants] = turns(camera[instants])
+        scene_of_instant = np.flatnonzero(views.is_consumer)
+        turn_of_scene: PerScene = np.zeros(len(camera_of_scene), dtype=np.int64)
+        turn_of_scene[scene_of_instant] = turns(camera_of_scene[scene_of_instant])
         objects = JudgedObjects(
-            camera=camera[scene],
-            turn=turn[scene],
-            order=np.arange(len(scene)),
+            camera=camera_of_scene[scene_of_object],
+            turn=turn_of_scene[scene_of_object],
+            order=np.arange(len(scene_of_object)),
             label=np.concatenate([items.label[is_held], missed.label]),
             east_m=np.concatenate([items.east_m[is_held], missed.east_m]),
             north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
@@ -318,12 +339,12 @@ class ConsumerJudge:
         )
         spans.add(
             objects,
-            camera_of=camera[instants],
-            turn_of=turn[instants],
-            now_ns=views.now_ns[instants],
+            camera_of=camera_of_scene[scene_of_instant],
+            turn_of=turn_of_scene[scene_of_instant],
+            now_ns=views.now_ns[scene_of_instant],
         )
 
 
-def _per_scene(scene: Array, selection: Array, scenes: int) -> Array:
-    """How many are selected in each scene."""
+def _per_scene(scene: Array, selection: Array, scenes: int) -> PerScene:
+    """How many items, or visible objects, are selected in each scene."""
     return np.bincount(scene[selection], minlength=scenes)

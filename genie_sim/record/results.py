@@ -51,9 +51,10 @@ class MetricValue(NamedTuple):
     ``placement`` is ``car`` or ``edge`` for Genies and resources there, else ``all``. ``component``
     is the name of a resource, for an improvement that of the baseline, else empty. ``value`` is
     None where it is not defined; ``n`` counts what it was computed over: frames, requests, updates,
-    samples or runs. Shares have unit 1. ``low`` and ``high`` are the 95 % interval, of one run that
-    over blocks of one second; ``range_low`` and ``range_high`` the lowest and the highest running
-    ratio of any Genie, or the value with all powers at one end of their ranges.
+    samples or runs; None is not known. Shares have unit 1. ``low`` and ``high`` are the 95 %
+    interval, of one run that over blocks of one second; ``range_low`` and ``range_high`` the lowest
+    and the highest running ratio of any Genie, or the value with all powers at one end of their
+    ranges.
     """
 
     metric: str
@@ -64,7 +65,7 @@ class MetricValue(NamedTuple):
     unit: str
     low: float | None = None
     high: float | None = None
-    n: int = 0
+    n: int | None = None
     range_low: float | None = None
     range_high: float | None = None
 
@@ -73,7 +74,7 @@ class MetricValue(NamedTuple):
         for name in ("metric", "method", "placement", "component", "unit"):
             if not isinstance(getattr(self, name), str):
                 raise ValueError(f"{name}: must be text, not {short_repr(getattr(self, name))}")
-        if type(self.n) is not int or self.n < 0:
+        if self.n is not None and (type(self.n) is not int or self.n < 0):
             raise ValueError(f"n: must be a count, not {short_repr(self.n)}")
         for name in NUMBERS:
             number = getattr(self, name)

@@ -123,7 +123,7 @@ def of_comparison(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> st
         kind="a comparison",
         name=name,
         title=f"{name}, compared",
-        about=["Runs that saw the same frames, side by side."],
+        about=["Results side by side; differences are of the same seeds."],
         sections=[
             Section("In short", [template.listed(verdicts(comparison))]),
             Section("Figures", [template.figures(drawn)]),

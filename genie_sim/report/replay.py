@@ -18,7 +18,7 @@ differences::
     streams             one a camera: car, stream, fov_mrad, first_id and first_frame (the id and
                         the number of its first frame), lap_ids (the first of each further lap); of
                         each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
-    methods             name, title, and columns:
+    methods             name, title, cars (those that drive under it), and columns:
       frames            by id; since the stamp: received_ns, first_answer_us, result_answer_us,
                         fresh_answer_us; texts: outcome, source, served_by, drop;
                         objects_served, objects_result, objects_fresh, bytes_up, bytes_down
@@ -143,6 +143,7 @@ def _of_method(
     tables = {name: table.where(method=method) for name, table in run.tables.items()}
     begin_ns, end_ns = stretch_ns
     return {
+        "cars": tables["frames"]["car"].unique(),
         "frames": _frames(tables["frames"], poses, names),
         "lookups": _lookups(tables["lookups"], poses, names),
         "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, names),

@@ -11,7 +11,24 @@ function undelta(deltas, scale = 1) {
   return deltas.map((delta) => (sum += delta) * scale);
 }
 
-// The columns of the page's data as arrays by the frame's id.
+// What all functions take, as `decode` makes it of the page's data; what is not named here is as `replay.py` tells it.
+//
+// `run`:
+//   frames    by id: stamp [us], east, north [m], heading [rad], stream (its place in streams), number (in its stream)
+//   streams   car, name, first (id), count, stamp (of each frame), laps (Set of the ids that begin one), fov [rad]
+//   cars      those with frames: name, edge, cameras, and streams, its own ones
+//   parts     Map of each part's name to its title
+//   names     texts; a code in a column is a place here
+//   methods   of each a `method`
+// `method`:
+//   name, title, cars
+//   rows      the columns of its frames, by id
+//   lookups   columns, with t [us] and of_frame (Map of a frame's id to its rows)
+//   images    the rows of lookups that are of message caches, image_t their instants
+//   steps     columns, with of_frame
+//   messages  all (from, to, begin, end [us], in order of begin), begin (of each), longest (the longest that one took)
+//   caches    whether any frame was looked up in a message cache
+//   heldObjects   columns, with begin [us]
 function decode(replay) {
   const frames = { stamp: [], east: [], north: [], heading: [], stream: [], number: [] };
   const streams = replay.streams.map((of, index) => {
@@ -115,11 +132,17 @@ function countsText(run, method, t) {
   if (!method.heldObjects.begin.length) return `${at}.`;
   const objects = heldObjectsAt(run, method, t),
     ghosts = objects.filter(isGhost).length;
-  const count = (judged) => objects.filter((object) => object.judged === judged).length;
+  const count = (judged) => objects.filter((object) => object.judged === judged).length,
+    right = count("right");
   return (
-    `${at}: the cars hold ${count("right")} objects that are there ` +
+    `${at}: the cars hold ${countOf(right)} that ${right === 1 ? "is" : "are"} there ` +
     `and ${ghosts} false one${ghosts === 1 ? "" : "s"}, and miss ${count("missed")} in view.`
   );
+}
+
+// Whether the frame's car drives under this method.
+function isDriven(run, method, id) {
+  return method.cars.includes(run.streams[run.frames.stream[id]].car);
 }
 
 // hit, miss or coalesced at the car's Genie; where there is none, whether it was answered.
@@ -129,6 +152,7 @@ function outcomeOf(run, { rows }, id) {
 }
 function outcomeText(run, method, id) {
   const outcome = outcomeOf(run, method, id);
+  if (!isDriven(run, method, id)) return "the car does not drive under this method";
   return outcome === "none" ? "no answer" : method.rows.outcome[id] >= 0 ? outcome : "answered";
 }
 

@@ -18,7 +18,8 @@ const OPENED = new Set([EVENTS]); // folds, which stay open for the next frames
 // The title of the story in one line, for the strip of frames.
 function shortStory(run, method, id) {
   const { car, name } = run.streams[run.frames.stream[id]],
-    outcome = `${outcomeText(run, method, id)}; ${inWords(run, method.rows, id)}`;
+    words = isDriven(run, method, id) ? `; ${inWords(run, method.rows, id)}` : "",
+    outcome = `${outcomeText(run, method, id)}${words}`;
   return `${car}, ${name}, frame ${run.frames.number[id]}, ${method.title}: ${outcome}.`;
 }
 function inWords(run, rows, id) {
@@ -34,8 +35,10 @@ function storyOf(run, method, id) {
   const { frames } = run,
     { car, name } = run.streams[frames.stream[id]];
   const outcome = make("span", { class: `outcome o-${outcomeOf(run, method, id)}` }, outcomeText(run, method, id));
+  const title = make("h3", {}, `${car}, ${name}, frame ${frames.number[id]}, under ${method.title}: `, outcome);
+  if (!isDriven(run, method, id)) return [title];
   return [
-    make("h3", {}, `${car}, ${name}, frame ${frames.number[id]}, under ${method.title}: `, outcome),
+    title,
     ...folded("Where its time went", partsOfFrame(run, method, id)),
     ...folded(EVENTS, [make("ol", {}, ...eventsOf(run, method, id).map(eventLine))]),
   ];

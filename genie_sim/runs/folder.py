@@ -129,28 +129,19 @@ def simulate_into(
 
 
 def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -> Run:
-    """The run that wrote these tables. Metrics of the user's own that fail on their rows are left
-    out, with a warning: what was simulated stays.
-    """
+    """The run that wrote these tables."""
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
     methods, own = methods_of(prepared), prepared.scenario.metrics
-    try:
-        measured = metrics.compute(methods, columns, own=own)
-    except UserError as error:
-        if not own:
-            raise
-        log.warning("%s; metrics of your own are left out", error)
-        measured = metrics.compute(methods, columns)
     return Run(
         run_id=run_id,
         facts=prepared.facts,
         yaml=as_yaml(prepared.facts["scenario"]),
         tables=columns,
-        measured=measured,
+        measured=metrics.compute(methods, columns, own=own),
         label=label,
-        words=metrics.words_of_code(prepared.scenario.metrics),
+        words=metrics.words_of_code(own),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
+from genie_sim.data.frame_source import Drive
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.consumers import ConsumerJudge
 from genie_sim.record.log import Log
@@ -22,6 +23,7 @@ from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.monitor import Samples
+from genie_sim.sim.settings import Car
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 
@@ -166,6 +168,21 @@ def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:
         raise scenario.error_at("warm_up", text)
 
 
+def check_labelled(scenario: Scenario, car: Car, drive: Drive, labelled: Collection[str]) -> None:
+    """Raises ``UserError`` if the cameras by which a car is to be judged are not ``labelled``, as
+    those are of which its truth tells.
+    """
+    recordings = dict.fromkeys(camera.recording for camera in scenario.cameras_of(car))
+    others = [recording for recording in recordings if recording not in labelled]
+    if others and (scenario.judged == "all" or len(others) == len(recordings)):
+        text = (
+            f"held: {car.name} cannot be judged at the frames of {', '.join(others)}: the truth "
+            f"table of {drive.name} is of {', '.join(labelled)} alone; take held out, or the "
+            "table away"
+        )
+        raise scenario.error_at("record", text)
+
+
 def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
     """Returns what reports the simulated time of one method, and the frames simulated a second."""
     began_s = time.perf_counter()
@@ -228,6 +245,10 @@ def make_judge(
     truths = {car: truth for car, truth in truths.items() if truth is not None}
     if not truths:
         return None
+    for car in prepared.scenario.cars:
+        labelled = getattr(truths.get(car.name), "cameras", None)
+        if labelled is not None:
+            check_labelled(prepared.scenario, car, prepared.drives[car.name], labelled)
     return ConsumerJudge(
         method,
         truths,

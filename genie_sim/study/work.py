@@ -76,7 +76,9 @@ class PointRun:
         # a page that cannot be made is looked for once more when all runs are there
         with contextlib.suppress(folders.NotDerivedError):
             self.output.write(run, folder)
-        return _metrics_of(prepared, run.tables)
+        names = {value.metric for value in run.measured}  # what failed was told
+        own = [name for name in self.scenario.metrics if name in names]
+        return _metrics_of(prepared, run.tables, own)
 
     def is_kept(self, study: Path) -> bool:
         """Whether its results are there as they were written, or need not be kept."""
@@ -103,14 +105,15 @@ def measured(prepared: Prepared) -> Sequence[MetricValue]:
     """The metrics of a run's methods and Genies, not of single resources: a fleet has many."""
     record = tuple(name for name in prepared.scenario.record if name in NEEDED)
     tables = simulate(replace(prepared, scenario=replace(prepared.scenario, record=record)))
-    return _metrics_of(prepared, {name: tables[name].columns() for name in MEASURED})
+    columns = {name: tables[name].columns() for name in MEASURED}
+    return _metrics_of(prepared, columns, prepared.scenario.metrics)
 
 
-def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[MetricValue]:
+def _metrics_of(
+    prepared: Prepared, tables: Mapping[str, Columns], own: Sequence[str]
+) -> Sequence[MetricValue]:
     measured_tables = {name: tables[name] for name in MEASURED}
-    return metrics.compute(
-        run_folder.methods_of(prepared), measured_tables, own=prepared.scenario.metrics
-    )
+    return metrics.compute(run_folder.methods_of(prepared), measured_tables, own=own)
 
 
 def _work(run: PointRun, study: Path, own_code: bool) -> tuple[str, str]:

@@ -297,6 +297,13 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     rows = {one.arm.label: one.difference for one in made.rows if one.against}
     assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4
     assert not made.settings
+    late = pd.concat([table.assign(seed=seed, value=table["value"] * seed) for seed in range(3)])
+    for rows, has_interval in ((late.drop(columns="n"), True), (late.assign(n=19), False)):
+        rows = rows.assign(metric="first_answer_p95").drop_duplicates(["rate", "seed", "method"])
+        made = compare([Cells(cells_of(rows, ["rate"], methods, **about))])
+        ends = {one.low is not None for one in made.rows if one.against}
+        assert ends == {has_interval}, "how many answers is not known, or too few"
+        assert ("percentile of too few" in compare_tables.about(made)) != has_interval
 
 
 def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from genie_sim.analysis.latency_cdf import latency_cdf
-from genie_sim.analysis.statistics import mean_bands
+from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.statistics import mean_and_spread, mean_bands
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo
 
@@ -38,14 +39,10 @@ def test_the_curve_is_the_mean_over_seeds_and_the_band_its_interval():
     (band,) = axis.collections
     edges = band.get_paths()[0].vertices
     at_30 = edges[np.isclose(edges[:, 0], 30.0)][:, 1]
-    low, _, high = (float(ends[0]) for ends in _wilson([3 / 4, 2 / 4, 1.0]))
-    assert at_30.min() <= low + 1e-9 and at_30.max() >= high - 1e-9
+    spread = mean_and_spread([3 / 4, 2 / 4, 1.0])
+    low, high = METRICS["under_deadline_share"].over_seeds(*spread, len(SEEDS), rows=4)
+    assert (at_30.min(), at_30.max()) == pytest.approx((low, high)), "as in tables"
     assert edges[:, 1].min() >= 0 and edges[:, 1].max() <= 1
-
-
-def _wilson(values: list[float]):
-    mean, low, high = mean_bands(np.array([[value] for value in values]), shares=True)
-    return low, mean, high
 
 
 def test_a_band_of_numbers_is_students_t():

@@ -48,6 +48,8 @@ def test_a_run_s_table_says_what_its_brackets_are_and_has_no_range():
     assert "[9.12, 9.12]" not in text, "an interval without width is none"
     assert "No brackets: the interval rounds" in text
     assert r"image reuse on cars [\%] & -- & 25" in text
+    assert "response times" in text
+    assert "response times" not in summary.table(run, "latex", ["image_reuse"])
     assert "[10, 40]" not in text, "a range is no interval"
     assert "95 \\% intervals inside the run" in text
     assert r"\shortstack[r]{my\_50\% \& \$x\$}" in text

@@ -196,6 +196,8 @@ def test_paired_frames_narrow_the_interval_of_an_improvement():
     means are not.
     """
     table = Table(FRAMES)
+    # car2 drives under Genie alone
+    table.append(FrameRow("genie", "car2", "camera_02", 0, 0, 0, 0, 900 * MS))
     for method, factor in (("local", 1.0), ("genie", 0.1)):
         for frame in range(100):
             stamp_ns = frame * 100 * MS
@@ -224,7 +226,7 @@ def test_the_interval_of_a_share_is_wilson_s(hits, n):
     assert wilson(p, half, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
-def over_seeds(metric: str, values: list[float], n: int = 1000) -> pd.Series:
+def over_seeds(metric: str, values: list[float], n: int | None = 1000) -> pd.Series:
     rows = {
         "metric": metric,
         "method": "genie",
@@ -258,7 +260,8 @@ def test_what_tells_little_has_no_interval_over_seeds():
     assert np.isnan(over_seeds("answered_share", [0.25, 0.5])["low"]), "two seeds"
     assert np.isnan(over_seeds("answered_share", [0.25] * 5)["low"]), "all equal"
     assert np.isnan(over_seeds("first_answer_p99", [1.0, 2.0, 3.0], n=99)["low"])
-    assert not np.isnan(over_seeds("first_answer_p99", [1.0, 2.0, 3.0], n=100)["low"])
+    for n in (100, None):  # None: of how many answers is not known
+        assert not np.isnan(over_seeds("first_answer_p99", [1.0, 2.0, 3.0], n=n)["low"])
 
 
 def test_a_car_of_one_block_does_not_take_the_interval_away():
@@ -324,12 +327,18 @@ def test_the_running_boost_is_confidence_added_over_objects_then_stored():
     table = lookup_table(
         ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.00, 0),
         ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.10, 2),
-        ("genie", 2, "h", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.06, 1),
+        ("genie", 2, "h", "car", "sighting", None, "car1", "c", 0, None, 3, 2, 2, 0.06, 1),
         ("genie", 3, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.00, 1),
     )
     curve = genie_metrics.running_boost(Columns.of(table))
     assert list(curve["events"]) == [2, 3, 4]
     assert list(curve["boost"]) == pytest.approx([0.10 / 2, 0.16 / 3, 0.16 / 2])
+    # after a warm-up a map holds ten objects; of four sighted ones three are new
+    warm = ("genie", 9, "g", "car", "sighting", None, "car1", "c", 9, None, 4, 0, 1, 0.09, 13)
+    curve = genie_metrics.running_boost(Columns.of(lookup_table(warm)))
+    assert list(curve["boost"]) == pytest.approx([0.09 / 3])
+    boost = of_tables(lookups=lookup_table(warm))["confidence_boost", "car"]
+    assert (boost.value, boost.n) == (pytest.approx(0.09 / 3), 3)
 
 
 def test_use_is_of_all_slots_and_a_queue_has_none():

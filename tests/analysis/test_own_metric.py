@@ -15,12 +15,14 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import own_code_allowed
 from genie_sim.base.settings import plain_data
 from genie_sim.cli.main import main
+from genie_sim.record import provenance
 from genie_sim.record.results import Run
 from genie_sim.report.output import Output
 from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.study.work import PointRun
 
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """
@@ -200,6 +202,18 @@ def test_what_is_wrong_with_its_numbers_is_one_line_and_the_run_stays(
     assert "first_answer_mean" in measured and f"own_metric:{name}" not in measured
     (line,) = caplog.messages
     assert re.search(f"'own_metric:{name}': {says}", line) and "\n" not in line
+
+
+def test_several_seeds_stay_without_the_one_that_fails(caplog: pytest.LogCaptureFixture):
+    changes = [WINDOW, "record=[]", "metrics=[own_metric:late, own_metric:plain]"]
+    scenario = load_scenario("street_1car_homo", changes)
+    prepared = prepare(scenario)
+    run = PointRun(provenance.run_id(prepared.facts), scenario, "", keep=True)
+    names = {value.metric for value in run.measure(Path.cwd())}
+    assert "own_metric:plain" in names and "own_metric:late" not in names
+    assert len(caplog.messages) == 1
+    names = {value.metric for value in replace(run, keep=False).measure(Path.cwd())}
+    assert "own_metric:plain" in names and "own_metric:late" not in names
 
 
 def test_its_number_may_be_of_numpy():

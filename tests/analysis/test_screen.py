@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pandas as pd
 import pytest
 
 from genie_sim.analysis import screen
 from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import make
 
@@ -25,11 +29,17 @@ def test_the_header_says_what_was_run():
     """Two seconds of frames at 10 Hz on four streams of three cars, under each of three methods;
     the last stamp is 1.9 s and 75 ms.
     """
-    header = screen.header(run_of(TEN[:2], label="two edges"))
+    run = run_of(TEN[:2], label="two edges")
+    header = screen.header(run)
     assert header == (
         "two edges (town): 3 cars, 1 edge, 1.98 s simulated, "
         "720 frames under each of 2 methods, seed 7"
     )
+    frames = run.tables["frames"]
+    fewer = frames.where(car="car1").assign(method="m1")
+    both = Columns.of(pd.concat([frames.to_frame(), fewer.to_frame()]))
+    more = screen.header(replace(run, tables={"frames": both}))
+    assert f", {len(fewer)} to 720 frames under each of 2 methods" in more
 
 
 @pytest.mark.parametrize("width", [60, 80, 100])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from genie_sim.analysis import metrics, renderers, screen, summary
+from genie_sim.analysis import metrics, renderers, screen, seed_runs, summary
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.errors import UserError
 from genie_sim.record.results import MethodInfo, MetricValue, Run
@@ -254,6 +254,8 @@ def test_every_placement_method_and_component_has_its_own_number():
     assert row(text, "object reuse on cars [%]") == ["-", "33", "-"]
     assert row(text, "object reuse on edges [%]") == ["-", "44", "-"]
     assert row(text, "streaming F1 [%]") == ["55", "66", "77"]
+    of_genie = seed_runs.with_methods(run_of(run), ["genie"])
+    assert row(screen.text(of_genie, 80, ()), "streaming F1 [%]") == ["66", "77"]
     assert row_of(markdown(run), "object reuse on cars [%]") == ["33"]
     assert row_of(markdown(run), "object reuse on edges [%]") == ["44"]
     assert row_of(markdown(run), "streaming F1 [%]") == ["55", "66", "77"]

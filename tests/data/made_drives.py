@@ -107,6 +107,12 @@ CHECKS = {
         "8 of 9 objects are more than 250 m away",
         readers=PLACED,
     ),
+    "some beyond any sensor": Check(
+        replace(steady(), objects_m=[20.0] * 5 + [300.0] * 4),
+        "4 of 9 objects are more than 250 m away",
+        is_refused=False,
+        readers=PLACED,
+    ),
     "behind the camera": Check(
         replace(steady(), objects_m=[-20.0] * 9),
         "9 of 9 detections are outside of the field of view",

@@ -7,6 +7,7 @@ from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
 from genie_sim.data.detectors.boxes import COCO_LABELS, best_boxes
 from genie_sim.data.detectors.detector import DetectorSettings, find_weights
+from genie_sim.data.detectors.image_detector import look
 from genie_sim.data.detectors.networks import YoloxNano
 from genie_sim.data.detectors.onnx_detector import letterbox
 from tests.kitti_folder import DATE, make_network
@@ -119,12 +120,23 @@ class Plain:
         return []
 
 
-def test_threads_of_what_has_none_are_refused(network):
+class Threaded(Plain):
+    """One that takes threads, and gives features."""
+
+    def __init__(self, path, size, min_score, threads):
+        super().__init__(path, size, min_score)
+        self.threads = threads
+
+    def look(self, image_bgr):
+        return self.detect(image_bgr), {"own": b"ab"}
+
+
+def test_threads_are_of_those_that_take_them(network):
     assert DetectorSettings("tests.data.test_detector:Plain", network).opened().path == network
-    with pytest.raises(
-        UserError, match=r"^tests\.data\.test_detector:Plain: is no OnnxDetector, which alone can"
-    ):
+    with pytest.raises(UserError, match=r"test_detector:Plain.* unexpected .*'threads'"):
         DetectorSettings("tests.data.test_detector:Plain", network, threads=2).opened()
+    own = DetectorSettings("tests.data.test_detector:Threaded", network, threads=2).opened()
+    assert own.threads == 2 and look(np.zeros((9, 9, 3), np.uint8), own) == ([], {"own": b"ab"})
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_the_shipped_trace_has_both_and_its_detections_are_what_they_were(shippe
 
 def test_a_trace_keeps_features_finds_changed_ones_and_needs_none(shipped, tmp_path):
     frames = {"02": shipped.frames["02"][:3]}
-    for known in ({}, {"features": feature_facts(frames)}):
+    for known in ({}, {"features": feature_facts("x", frames)}):
         write_trace(tmp_path / "some.parquet", Trace("some", shipped.origin, frames, known))
         assert read_trace(tmp_path / "some.parquet").frames == frames
     first, *others = frames["02"]
@@ -55,6 +55,16 @@ def test_a_trace_keeps_features_finds_changed_ones_and_needs_none(shipped, tmp_p
     assert (
         Trace("", shipped.origin, bare, {}).digest == Trace("", shipped.origin, frames, {}).digest
     )
+
+
+@pytest.mark.parametrize("wrong", [{}, {"own": b"short"}, {"own": "a text."}, {"own": None}])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_frame_of_other_features_is_refused(shipped, tmp_path, wrong, place):
+    frames = [replace(one, features={"own": b"7 bytes"}) for one in shipped.frames["02"][:3]]
+    frames[place] = replace(frames[place], features=wrong)
+    with pytest.raises(UserError, match=r"^\S*x\.parquet: camera '02', frame .: feature 'own' is "):
+        write_trace(tmp_path / "x.parquet", Trace("x", shipped.origin, {"02": tuple(frames)}, {}))
+    assert not list(tmp_path.iterdir())
 
 
 def test_packing_keeps_distances():

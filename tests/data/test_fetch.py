@@ -143,6 +143,15 @@ def test_one_line_says_what_to_install(tmp_path, monkeypatch):
         fetch.fetch_drive(DRIVE, tmp_path, quiet)
 
 
+def test_other_content_in_the_way_stays(server, nano, tmp_path):
+    path = tmp_path / "yolox_nano.onnx"
+    path.write_bytes(b"mine")
+    with pytest.raises(UserError, match=r"yolox_nano.onnx: is there already") as error:
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert "\n" not in str(error.value)
+    assert path.read_bytes() == b"mine" and server.requests == 0
+
+
 def test_a_folder_in_the_way_stays(server, nano, tmp_path):
     (tmp_path / "yolox_nano.onnx").mkdir()
     with pytest.raises(UserError, match=r"yolox_nano.onnx: cannot be written"):
@@ -217,6 +226,7 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         ([("ok.txt", "x"), ("f", "x"), ("f/g", "y")], "cannot be unpacked"),
         ([("ok.txt", "x"), ("kept", "y")], "'kept' is a file where a folder is"),
         ([("ok.txt", "x"), ("kept/a.txt/b", "y")], "'kept/a.txt/b' is a file where a folder is"),
+        ([("ok.txt", "x"), ("kept/a.txt", "y")], "kept/a.txt: is there already"),
         ([("bomb.txt", b"\0" * 10**7)], "unpacks to 10,000,000 bytes from"),
         ([("ok.txt", "x"), ("a.txt", "y"), ("./ok.txt", "z")], "'./ok.txt' is there twice"),
         ([("Q", "x")], "'' is no name of a file"),
@@ -245,7 +255,7 @@ def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, messag
         fetch.unpack(packed, folder)
     assert "\n" not in str(error.value)
     assert sorted(path.name for path in folder.rglob("*")) == ["a.txt", "kept", "link"]
-    assert not list(outside.iterdir())
+    assert not list(outside.iterdir()) and (folder / "kept" / "a.txt").read_text() == "mine"
     assert not list((tmp_path / "in").glob("evil*"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,17 @@ def test_truth_goes_with_its_frames_however_they_are_ordered_and_numbered():
         (2, 2 * 10**9, 0, "car", 15.0),
     ]
     assert [frame.stamp_ns for frame in trace.frames["sensor"]] == [0, 10**9, 2 * 10**9]
+
+
+def test_features_that_another_sensor_has_not_are_told_as_left_out():
+    there = (0.0, "car", 8.0), (1.0, "car", 8.0)
+    (lidar,) = car_with(*there, report=ImportReport("x")).trace.frames.values()
+    other = [replace(frame, camera="other", features={"own": b"1"}) for frame in lidar]
+    report = ImportReport("x")
+    asked: dict[str, Any] = {"origin": (0.0, 0.0, 0.0), "provenance": {}, "report": report}
+    (car,) = traces({"car1": [*lidar, *other]}, **asked).values()
+    assert not any(frame.features for of in car.trace.frames.values() for frame in of)
+    assert [count for why, count in report.left_out.items() if "'own' of other" in why] == [2]
 
 
 @pytest.mark.parametrize("file", ["car2.parquet", "car2.truth.parquet"])

@@ -184,6 +184,26 @@ def test_an_object_that_has_just_come_moves_by_its_speed(tables):
     assert {(row.object, row.moving) for row in rows if row.frame == 0} == {(1, True), (2, False)}
 
 
+def test_an_object_moves_up_to_a_gap_in_its_rows(tables):
+    truth = TRUTH_HEADER + "".join(
+        f"{time_s},o,car,10,{20 + 10 * (time_s - 1000)}\n"
+        for time_s in (999.8, 1000, 1000.001, 1000.15, 1003, 1003.1)
+    )
+    poses = POSES.replace("1000.2,", "1003.05,")
+    detections = DETECTIONS
+    rows = tables(poses, detections, truth=truth)["a"].truth.rows
+    assert [(row.frame, row.moving) for row in rows] == [(0, True), (1, True), (2, True)]
+
+
+def test_of_two_tables_of_one_name_the_later_is_named(tmp_path):
+    texts = {"x/a.csv": POSES, "y/a.csv": DETECTIONS, "z/t.csv": TRUTH}
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=r"^\S*y/a\.csv: has the name of \S*x/a\.csv; rename it$"):
+        cars_of_tables(*(tmp_path / name for name in texts))
+
+
 def test_what_the_table_says_of_moving_and_visible_holds(tables):
     truth = (
         "car,time_s,object,label,east_m,north_m,moving,visible\n"
@@ -238,6 +258,7 @@ def test_a_wrong_row_is_named_by_line_and_column(tables, tmp_path, table, rows, 
         ("truth", f"{TRUTH_HEADER}998.9,o,car,1,1\n", "time_s: no row"),
         ("truth", f"car,moving,{TRUTH_HEADER}a,yes,1000,o,car,1,1\n", "line 2: moving"),
         ("truth", f"car,{TRUTH_HEADER}a,1000,o,car,1,1\n,1000,p,car,1,1\n", "line 3: car"),
+        ("truth", f"{TRUTH_HEADER}1000,o,car,1,1\n1000.0009,o,car,1,1\n", "line 3: time_s"),
     ],
 )
 def test_a_wrong_table_is_named_by_its_column(tables, tmp_path, table, text, place):

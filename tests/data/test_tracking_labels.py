@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,6 +100,8 @@ def test_who_leaves_the_first_place_fast_enough_moves(root, speed_mps, moves):
     (root / "training/label_02/0003.txt").write_text("".join(lines))
     trace = tracking_trace(root, "0003")
     assert read_labels(root.parent, "tracking/0003", trace).moving == ({7} if moves else set())
+    both = replace(trace, frames=dict.fromkeys(("02", "03"), trace.frames["02"]))
+    assert make_truth(root.parent, "tracking/0003", both).cameras == ("02",)
     rows = make_truth(root.parent, "tracking/0003", trace).rows
     assert [(row.frame, row.object, row.moving) for row in rows] == [
         (frame, track, moves and track == 7) for frame in range(3) for track in (7, 8)

@@ -51,6 +51,8 @@ def with_metadata(path, **changes):
         ({"digest": "0" * 64}, "content does not match its own digest"),
         ({"origin": [49.0, 8.4]}, "origin"),
         ({"format_version": 99}, "format_version: "),
+        ({"cameras": 2}, "metadata: cameras 2 are no names"),
+        ({"cameras": ["02"]}, "content does not match its own digest"),
     ],
 )
 def test_a_table_with_other_metadata_is_refused(trace, tmp_path, changes, place):
@@ -94,6 +96,19 @@ def test_a_table_without_its_trace_s_name_stops_a_run_in_one_line(run_cli, trace
     assert done.stderr.count("\n") == 1
 
 
+def test_one_trace_has_one_truth(trace, tmp_path):
+    for name, east_m in (("a", 10.0), ("b", 11.0), ("c", 10.0)):
+        write_trace(tmp_path / f"{name}.parquet", trace)
+        write_truth(tmp_path / f"{name}.truth.parquet", made_up(trace, east_m=east_m))
+    drives = RecordedDrives(trace, path=tmp_path / "a.parquet")
+    one, other = (
+        drives.drive(car, path, 0) for car, path in (("1", None), ("2", f"{tmp_path}/c.parquet"))
+    )
+    assert drives.truth_of(one) is not None and drives.truth_of(other) is not None
+    with pytest.raises(UserError, match=r"b\.parquet: is the trace in .*a\.parquet, whose truth"):
+        drives.drive("3", f"{tmp_path}/b.parquet", 0)
+
+
 @pytest.mark.parametrize("drive", ["2011_09_26/0009", "tracking/0001", "0009", "../x/0009"])
 def test_a_drive_without_labels_names_both_kinds_of_labels(trace, tmp_path, drive):
     sync = tmp_path / "2011_09_26" / "2011_09_26_drive_0005_sync"
@@ -111,7 +126,7 @@ def test_a_drive_without_labels_names_both_kinds_of_labels(trace, tmp_path, driv
 
 
 def test_a_table_says_how_far_its_labels_reach(trace, tmp_path):
-    usual, far = made_up(trace), replace(made_up(trace), range_m=100.0)
+    usual, far = made_up(trace), replace(made_up(trace), range_m=100.0, cameras=("02",))
     path = tmp_path / "a.truth.parquet"
     write_truth(path, far)
     again = read_truth_table(path)
@@ -139,6 +154,7 @@ def test_an_impossible_ruler_is_refused(trace, tmp_path, changes):
         ({"range_m": 2000.0}, "range_m 2000.0 is no length"),
         ({"range_m": 0.0}, "range_m 0.0 is no length"),
         ({"provenance": {"drive": "x"}}, "provenance: 'trace'"),
+        ({"cameras": ("03",)}, "cameras .* are not those of its rows"),
         ({"rows": (TruthRow("02", 0, 0, 7, "car", True, True, 1e9, 0.0, 0.0),)}, "frame 0: object"),
     ],
 )

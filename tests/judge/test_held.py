@@ -208,7 +208,9 @@ def test_metrics_are_sums_over_instants():
     for number, of_instant in enumerate(counts):
         table.append(("genie", "consumer", "car1", number * S, *of_instant, None))
     table.append(("genie", "zero_delay", "car1", 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0.25))
-    methods = [MethodInfo(name, name, baseline=False) for name in ("local", "genie")]
+    # a car that a later method alone drives
+    table.append(("later", "zero_delay", "car2", 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 0, None))
+    methods = [MethodInfo(name, name, baseline=False) for name in ("local", "genie", "later")]
     found = metrics.compute(methods, {"held": table.columns()})
     expected = {
         "object_precision": 0.5,
@@ -223,7 +225,8 @@ def test_metrics_are_sums_over_instants():
         "place_error": 0.0,
     }
     assert {m.metric: m.value for m in found if not m.component} == pytest.approx(expected)
-    assert value(found, "streaming_f1", "genie", ZERO_DELAY) == 1.0
+    assert value(found, "streaming_f1", "genie", ZERO_DELAY) == 0.5, "of both cars"
+    assert not [number for number in found if number.method == "later" and number.component]
 
 
 def short(*settings: str) -> Scenario:
@@ -282,6 +285,23 @@ def test_a_trace_without_truth_says_what_would_show_more(tmp_path: Path):
 @pytest.fixture(scope="module")
 def trace() -> Trace:
     return read_trace(files.find(files.TRACE, "kitti_0005"))
+
+
+@pytest.mark.parametrize(
+    ("recording", "more"), [("03", ()), ("02", ("judged=all",))], ids=["its only", "one of all"]
+)
+def test_a_car_is_not_judged_at_frames_of_which_its_truth_tells_nothing(
+    *, table: TruthTable, trace: Trace, tmp_path: Path, recording: str, more: tuple[str, ...]
+):
+    path = tmp_path / "own.parquet"
+    write_trace(path, trace)
+    write_truth(path_beside(path), replace(table, cameras=("02",)))
+    cameras = f"cameras=[{{name: a, recording: '{recording}'}}, {{name: b, recording: '03'}}]"
+    setting = f"perception.trace={path}", cameras
+    with pytest.raises(UserError, match=r"record: held: car.* at the frames of 03: .* of 02 alone"):
+        run_in_memory(short(*setting, *more))
+    if more:
+        assert not run_in_memory(short(*setting, "methods=[local]")).held.empty
 
 
 @pytest.fixture

@@ -498,6 +498,11 @@ def test_a_click_on_a_frame_tells_its_story_from_the_stamp_on(browser, file, run
     if pd.notna(row["objects_fresh"]):
         assert f"{int(row['objects_fresh'])} object" in story
     assert "dropped at" in story or "fresh result" in story.lower()
+    parts, told = browser.evaluate("""unpacked(byId('data').textContent).then((replay) => {
+      const run = decode(replay), method = { ...run.methods[0], cars: [] };
+      return [storyOf(run, method, 0).length, shortStory(run, method, 0)];
+    })""")
+    assert parts == 1 and told.endswith(": the car does not drive under this method.")
     steps = browser.evaluate(
         "[...byId('story').querySelectorAll('tbody tr')].map((row) => [...row.cells]"
         ".map((cell) => cell.textContent))"

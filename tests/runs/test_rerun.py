@@ -79,11 +79,15 @@ def test_what_another_version_wrote_is_compared_by_contents(value, capsys, caplo
             table = table.set_column(place, table.schema.field(place), more)
         pq.write_table(table, path, compression="snappy")
         about["digests"][path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    scenario = folder / "scenario.resolved.yaml"
+    scenario.write_text(f"# of another version\n{scenario.read_text()}")
+    about["digests"][scenario.name] = hashlib.sha256(scenario.read_bytes()).hexdigest()
     (folder / "run.json").write_text(json.dumps(about))
     capsys.readouterr()
     assert main(["rerun", str(folder)]) == (value == "another")
     said = capsys.readouterr().out
     assert "poses.parquet: equal\n" in said and "metrics.json: identical\n" in said
+    assert "scenario.resolved.yaml: equal\n" in said
     assert ("frames.parquet: DIFFERENT\n" in said) == (value == "another")
     assert said.endswith("reproduced, by contents\n") == (value == "as it was")
     assert "pyarrow: 15.0.0 when it was made" in caplog.text

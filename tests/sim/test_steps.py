@@ -162,7 +162,8 @@ def test_a_peer_answers(passes):
     rules = {"miss_policy": "blocking", "share_answers": "on_request", "passes": passes}
     there = [("hop", EDGE_HOP_IMAGE), ("edges", LINK_IMAGE), ("genie", EDGE_GENIE)]
     back = [("hop", EDGE_HOP_ANSWER), ("edges", LINK_ANSWER), ("genie", EDGE_GENIE)]
-    assert way("genie", fleet=cars, number=1, genie=rules) == [
+    network = {"rate_up": "1 Gbit/s", "rate_down": "1 Mbit/s"}  # an edge's port only sends
+    assert way("genie", fleet=cars, number=1, genie=rules, edge_network=network) == [
         ("genie", CAR_GENIE),
         *UP,
         ("genie", EDGE_GENIE),

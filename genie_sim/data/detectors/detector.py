@@ -18,7 +18,6 @@ from genie_sim.core.messages import Encoding
 from genie_sim.data.detectors import networks
 from genie_sim.data.detectors.boxes import MIN_SCORE
 from genie_sim.data.detectors.image_detector import ImageDetector
-from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from genie_sim.data.detectors.onnx_session import CPU
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
@@ -67,15 +66,13 @@ class DetectorSettings:
         """The detector with these settings. Raises UserError."""
         kind = plugins.resolve("detector", self.name, DETECTORS, ("detect", "file_name"))
         path = find_weights(kind.file_name, self.weights)
-        network: dict[str, Any] = {}
-        if isinstance(kind, type) and issubclass(kind, OnnxDetector):
-            network = {"providers": self.providers, "threads": self.threads}
-            network |= {"classes": self.classes} if self.classes else {}
-        elif self.threads != 1 or self.classes or (*self.providers,) != (CPU,):
-            raise UserError(
-                f"{self.name}: is no OnnxDetector, which alone can have several threads, providers "
-                "and other names of classes"
-            )
+        network: dict[str, Any] = {}  # what is not as usual: a detector of one's own may take none
+        if (*self.providers,) != (CPU,):
+            network["providers"] = self.providers
+        if self.threads != 1:
+            network["threads"] = self.threads
+        if self.classes:
+            network["classes"] = self.classes
         detector: ImageDetector = plugins.call(
             "detector",
             self.name,

@@ -8,7 +8,6 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.data.detectors.boxes import MIN_SCORE, SHARES, DetectedBox, is_share
-from genie_sim.data.detectors.onnx_detector import OnnxDetector
 
 FARTHEST_PX = 1e6  # that a box may lie from the corner of its picture
 
@@ -37,7 +36,13 @@ class ImageDetector(Protocol):
     """Width and height of its input, in pixels."""
 
     sha256: str
-    """Of its weights, 64 hexadecimal digits."""
+    """Of its weights, 64 hexadecimal digits.
+
+    A detector may also have ``threads``, how many its network takes: pictures are then looked at
+    on several at once. And ``look``, which is asked in place of ``detect``: it gives the list that
+    ``detect`` does and the features of the picture by name, all as bytes of one length.
+    ``__init__`` gets ``threads``, ``providers`` and ``classes`` where they are not as usual.
+    """
 
     def __init__(
         self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
@@ -61,10 +66,18 @@ def look(
     ``UserError`` for what one of the user's own gives that is no list of boxes, or for boxes that
     are no pixels of this picture.
     """
-    if isinstance(detector, OnnxDetector):
-        return detector.look(image_bgr)
-    boxes = detector.detect(image_bgr)
     name = type(detector).__name__
+    features: Any = {}
+    if hasattr(detector, "look"):
+        both = detector.look(image_bgr)
+        if not (isinstance(both, tuple) and len(both) == 2 and isinstance(both[1], dict)):
+            raise UserError(
+                f"detector {name}: look() gave {short_repr(both)}; it must give what detect() "
+                "does and a dict of features"
+            )
+        boxes, features = both
+    else:
+        boxes = detector.detect(image_bgr)
     wrong: list[Any] = [boxes]
     if isinstance(boxes, list | tuple):
         wrong = [box for box in boxes if not _is_detected_box(box)]
@@ -73,6 +86,8 @@ def look(
             f"detector {name}: detect() gave {short_repr(wrong[0])}; it must give a "
             "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
         )
+    if hasattr(detector, "look"):  # a network's boxes are cut at the border, and may be empty there
+        return list(boxes), features
     places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
     if is_share(places):
         raise UserError(f"detector {name}: {SHARES}")

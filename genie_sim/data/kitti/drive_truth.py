@@ -138,6 +138,9 @@ def make_truth(
                 *label.centre,
             )
             rows.append(truth_row(frame, there))
+    labelled = sorted({camera for camera, _ in truth.pictures})
+    for camera in sorted(trace.frames.keys() - {*labelled}):
+        report.leave_out(f"pictures of {camera}, without labels", len(trace.frames[camera]))
     report.read("labels", len(rows))
     check_distances(report, distances_m)
     if not rows:
@@ -147,4 +150,10 @@ def make_truth(
         "labels": truth.source,
         "labels_sha256": sha256_of(label_file(Path(root), drive)),
     }
-    return TruthTable(trace.digest, trace.origin, tuple(rows), {**provenance, "trace": trace.name})
+    return TruthTable(
+        trace.digest,
+        trace.origin,
+        tuple(rows),
+        {**provenance, "trace": trace.name},
+        cameras=tuple(labelled) if len(labelled) < len(trace.frames) else None,
+    )

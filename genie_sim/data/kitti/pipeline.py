@@ -13,7 +13,6 @@ from genie_sim.base.geometry import Array
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
 from genie_sim.data.detectors.image_detector import ImageDetector, look
-from genie_sim.data.detectors.onnx_detector import OnnxDetector
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.encoding import picture_of
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
@@ -48,7 +47,7 @@ def trace_frames(
     encoding : of the pictures before the detector sees them
     """
     workers = 1
-    if isinstance(detector, OnnxDetector):
+    if hasattr(detector, "threads"):
         workers = max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
 
     def perceived(of_number: Sequence[CameraFrame]) -> list[TraceFrame]:

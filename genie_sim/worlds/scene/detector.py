@@ -1,4 +1,15 @@
-"""The detector of towns and traffic: what the laws let it find of what a camera has in view."""
+"""The detector of towns and traffic: what the laws let it find of what a camera has in view.
+
+A *look* is one object in view of one slot. Its steps, in ``SyntheticDetector.detect``:
+
+1. what the random numbers of each look hang on (``_looks``);
+2. its score; 0 is a miss, and only the others go on;
+3. how far behind its place it is put, and how far left of it, each with numbers of its own;
+4. what it is called (``_labels``).
+
+False positives that come back at a place are objects as all others, whose laws are those of ghosts;
+those that are seen once are drawn frame by frame (``fleeting``).
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -7,7 +18,7 @@ import numpy as np
 
 from genie_sim.base.geometry import Array
 from genie_sim.base.spans import Ints
-from genie_sim.core.messages import CameraPose, Detection, Location
+from genie_sim.core.messages import Detection, Location
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
 from genie_sim.worlds.scene import keys, noise
 from genie_sim.worlds.scene.laws import (
@@ -34,32 +45,36 @@ def detection(label: str, score: float, location: Location) -> Detection:
 
 
 class DetectedObjects(NamedTuple):
-    """What the detector finds from some poses (poses,), pose by pose: of each object its label
-    (n,), and its score, east, north and up [m] (n, 4); ``begins`` (poses + 1,) is where each pose's
-    objects begin, and where the last one's end.
+    """What the detector finds, slot by slot: of each object its ``label`` (n,), and as ``placed``
+    (n, 4) its score, east, north and up [m]. ``begins`` (slots + 1,) is where each slot's objects
+    begin, and where the last one's end.
     """
 
     begins: list[int]
     label: Array
     placed: Array
 
-    def of(self, pose: int) -> list[Detection]:
-        """What it finds from one pose, in the order of the view."""
-        span = slice(self.begins[pose], self.begins[pose + 1])
+    def detections(self, slot: int) -> list[Detection]:
+        """What it finds in one frame, in the order of the view."""
+        span = slice(self.begins[slot], self.begins[slot + 1])
         columns = zip(self.label[span].tolist(), self.placed[span].tolist(), strict=True)
         return [detection(label, score, (x, y, z)) for label, (score, x, y, z) in columns]
 
 
 class _Looks(NamedTuple):
-    """On what the random numbers depend of each look, an object that is in view from a pose (n,):
-    the group of its laws, its range in whole metres, the step of its view (``VIEW_STEP_M``; it
-    picks the smooth numbers), and the key of the look.
-    """
+    """On what the random numbers of each look depend, as columns (n,)."""
 
     group: Ints
-    range_m: Ints
+    """The group of the object's laws."""
+
+    whole_m: Ints
+    """How far away it is, in whole metres: the row of a copula's table."""
+
     step: Ints
+    """How far the view has changed, in steps of ``VIEW_STEP_M``: picks the smooth numbers."""
+
     key: Bits
+    """Of the object in this frame: picks the numbers that are new at each look."""
 
 
 class SyntheticDetector:
@@ -83,34 +98,34 @@ class SyntheticDetector:
         self._normals = np.array(noise.normals())
 
     def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
-        """What the detector finds of the objects in view from some poses."""
+        """What it finds of the objects in view (n,) from some poses (slots,)."""
         objects, laws = self._objects, self._laws
         looks = self._looks(visible, poses)
         score = self._drawn(laws.score, objects.score_z[visible.row], looks, keys.LOOK_SCORE)
         found = np.flatnonzero(score)
-        pose, row = visible.pose[found], visible.row[found]
-        range_m = visible.range_m[found]
+        slot, row = visible.slot[found], visible.row[found]
+        away_m = visible.away_m[found]
         looks = _Looks._make(column[found] for column in looks)
-        # Errors as shares of the range, so that the line of sight need not be of length 1.
+        # Errors as shares of the distance, so that the line of sight need not be of length 1.
         along, across = (
             looks._replace(step=looks.step + apart) for apart in (noise.ALONG, noise.ACROSS)
         )
-        behind = self._drawn(laws.along, objects.along_z[row], along, keys.LOOK_ALONG) / range_m
-        left = self._drawn(laws.across, objects.across_z[row], across, keys.LOOK_ACROSS) / range_m
+        behind = self._drawn(laws.along, objects.along_z[row], along, keys.LOOK_ALONG) / away_m
+        left = self._drawn(laws.across, objects.across_z[row], across, keys.LOOK_ACROSS) / away_m
         east_m, north_m = visible.east_m[found], visible.north_m[found]
-        dx, dy = east_m - poses.east_m[pose], north_m - poses.north_m[pose]
+        dx, dy = east_m - poses.east_m[slot], north_m - poses.north_m[slot]
         placed = np.empty((len(found), 4))
         placed[:, 0], placed[:, 3] = score[found], objects.up_m[row]
         # In whole millimetres, as a trace, halves upwards: numpy would round them to even numbers.
         placed[:, 1] = np.floor((east_m + behind * dx - left * dy) * 1000.0 + 0.5) / 1000.0
         placed[:, 2] = np.floor((north_m + behind * dy + left * dx) * 1000.0 + 0.5) / 1000.0
-        begins = np.searchsorted(pose, np.arange(len(poses.key) + 1)).tolist()
+        begins = np.searchsorted(slot, np.arange(len(poses.key) + 1)).tolist()
         return DetectedObjects(begins, self._labels(row, looks), placed)
 
-    def fleeting(self, key: int, pose: CameraPose, *, cos: float, sin: float) -> list[Detection]:
-        """The false positive that is seen once, if there is one, anywhere in view of a camera, in
-        the frame of a key; ``cos`` and ``sin`` are of the camera's heading.
-        """
+    def fleeting(self, poses: ViewPoses, slot: int) -> list[Detection]:
+        """The false positive that is seen once, if there is one: in one frame, anywhere in view."""
+        east_m, north_m, cos, sin = (column.item(slot) for column in poses[:4])
+        key = poses.key.item(slot)
         draw = keys.FRAME_FLEETING.share(key)
         for law in self._laws.fleeting:
             if draw < law.per_frame:
@@ -119,52 +134,51 @@ class SyntheticDetector:
         else:
             return []
         own_key = keys.mix(key)
-        range_m = quantile(law.range_m, keys.FLEETING_RANGE.share(own_key))
-        if range_m > self._view_m:
+        away_m = quantile(law.ranges_m, keys.FLEETING_RANGE.share(own_key))
+        if away_m > self._view_m:
             return []
         angle_rad = (keys.FLEETING_ANGLE.share(own_key) - 0.5) * HORIZONTAL_FOV_RAD
         score = quantile(law.scores, keys.FLEETING_SCORE.share(own_key))
-        ahead_m, left_m = range_m * math.cos(angle_rad), range_m * math.sin(angle_rad)
-        east_m = pose.east_m + ahead_m * cos - left_m * sin
-        north_m = pose.north_m + ahead_m * sin + left_m * cos
+        ahead_m, left_m = away_m * math.cos(angle_rad), away_m * math.sin(angle_rad)
         location = (
-            round(east_m, POSITION_DECIMALS),
-            round(north_m, POSITION_DECIMALS),
+            round(east_m + ahead_m * cos - left_m * sin, POSITION_DECIMALS),
+            round(north_m + ahead_m * sin + left_m * cos, POSITION_DECIMALS),
             MIDDLES_M[law.label],
         )
         return [detection(law.label, round(score, SCORE_DECIMALS), location)]
 
     def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _Looks:
-        objects, pose, row = self._objects, visible.pose, visible.row
+        """One for each object in view (n,)."""
+        objects, slot, row = self._objects, visible.slot, visible.row
         if self._on_grid:
             gone_m, apart = _gone(poses)
-            step = ((visible.range_m - gone_m[pose]) / VIEW_STEP_M).astype(np.int64)
-            step += objects.offset[row] + apart[pose]
+            step = ((visible.away_m - gone_m[slot]) / VIEW_STEP_M).astype(np.int64)
+            step += objects.offset[row] + apart[slot]
         else:
             # How far the camera has gone past the object: on a straight street the same but for a
             # number that stays with each object, and in a bend without a jump.
-            dx, dy = visible.east_m - poses.east_m[pose], visible.north_m - poses.north_m[pose]
-            ahead_m = dx * poses.cos[pose] + dy * poses.sin[pose]
-            step = ((visible.range_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
+            dx, dy = visible.east_m - poses.east_m[slot], visible.north_m - poses.north_m[slot]
+            ahead_m = dx * poses.cos[slot] + dy * poses.sin[slot]
+            step = ((visible.away_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
             step += objects.offset[row]
-        key = keys.look_keys(objects.key[row], poses.key[pose])
-        rounded_m = (visible.range_m + 0.5).astype(np.int64)
-        return _Looks(group=objects.group[row], range_m=rounded_m, step=step, key=key)
+        key = keys.look_keys(objects.key[row], poses.key[slot])
+        whole_m = (visible.away_m + 0.5).astype(np.int64)
+        return _Looks(group=objects.group[row], whole_m=whole_m, step=step, key=key)
 
     def _drawn(self, copula: Copula, lasting_z: Array, looks: _Looks, draw: keys.BitField) -> Array:
-        """The values of a copula's table for the sum of what stays with each object, of its view
-        and of its look.
+        """A value (n,) of a copula's table for each look: for the sum of what stays with the object
+        (``lasting_z``), of its view and of this look, whose ``draw`` are these bits of its key.
         """
         group = looks.group
         normal = self._normals[draw.of(looks.key).astype(np.int64)]
         z = lasting_z + copula.view_weight[group] * copula.views[group, noise.VIEWS.of(looks.step)]
         z += copula.look_weight[group] * normal
         column = (z * STEPS_PER_Z + MIDDLE).astype(np.int64)
-        values: Array = copula.table[group, looks.range_m, column]
+        values: Array = copula.table[group, looks.whole_m, column]
         return values
 
     def _labels(self, row: Ints, looks: _Looks) -> Any:
-        """What the detector calls some objects."""
+        """What the detector calls the object of each look (n,)."""
         labels = self._objects.label[row]
         is_prone = keys.OBJECT_PRONE.of(self._objects.key[row]) < self._laws.prone[looks.group]
         prone = np.flatnonzero(is_prone)
@@ -176,8 +190,8 @@ class SyntheticDetector:
 
 
 def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
-    """How far [m] the camera of each pose has gone along its street, and how many rows the smooth
-    numbers of its direction are apart from those of the east.
+    """How far [m] the camera has gone along its street (slots,), and how many rows the smooth
+    numbers of its direction are apart from those of the east (slots,).
 
     The view changes as the camera goes on and the range shrinks; turning into another street is
     another view.

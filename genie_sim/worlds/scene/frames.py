@@ -31,8 +31,8 @@ BASELINES_M = {"02": 0.27, "03": -0.27}
 
 
 class Motions(NamedTuple):
-    """Where cars are at some times, as columns: east and north [m], the heading [rad] with cosine
-    and sine, and the speed [m/s].
+    """Where cars are at some times, as columns (n,): east and north [m], the heading [rad] with
+    cosine and sine, and the speed [m/s].
     """
 
     east_m: Array
@@ -54,10 +54,6 @@ class SceneDrive(Drive):
     """What the cameras of one car see in a scene, from ``start_ns`` of the scene's clock on. It has
     the frames of a ``Trace``, made when they are looked at.
 
-    Where it ``is_judged`` (``SceneDrives.truth_of``), what is in view is kept with the frames, as
-    what is really there will be asked for. That may come late: of the batches whose detections were
-    asked for before, what is in view is the same, but computed once more.
-
     Parameters
     ----------
     scene : what there is to see
@@ -67,8 +63,6 @@ class SceneDrive(Drive):
     interval_ns : between two frames of a camera
     start_ns : when it begins, by the scene's clock
     """
-
-    is_judged = False
 
     def __init__(
         self,
@@ -111,7 +105,8 @@ class FrameBatch:
     """Some frames of one camera, some seconds at most: their poses, and what is in view and
     detected, computed for all of them when it is first asked for.
 
-    ``indices`` are those of the frames on the drive; a *pose* is the number of one of them here.
+    ``indices`` (slots,) are those of the frames on the drive; ``indices[slot]`` is the frame that
+    has a slot here.
     """
 
     def __init__(self, drive: SceneDrive, camera: str, indices: Sequence[int]) -> None:
@@ -133,14 +128,14 @@ class FrameBatch:
         headings_rad = [math.remainder(rad, math.tau) for rad in motions.heading_rad.tolist()]
         self._headings_rad = _rounded(headings_rad, ANGLE_DECIMALS)
 
-    def key(self, pose: int) -> int:
+    def key(self, slot: int) -> int:
         """Bits of one of the frames alone."""
-        return self._poses.key.item(pose)
+        return self._poses.key.item(slot)
 
-    def camera_pose(self, pose: int) -> CameraPose:
+    def camera_pose(self, slot: int) -> CameraPose:
         """Where the camera is in one of the frames."""
-        east_m, north_m = self._poses.east_m.item(pose), self._poses.north_m.item(pose)
-        return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings_rad.item(pose))
+        east_m, north_m = self._poses.east_m.item(slot), self._poses.north_m.item(slot)
+        return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings_rad.item(slot))
 
     @functools.cached_property
     def _visible(self) -> VisibleObjects:
@@ -148,26 +143,17 @@ class FrameBatch:
 
     @functools.cached_property
     def _detected(self) -> DetectedObjects:
-        detected = self.drive.scene.detector.detect(self._visible, self._poses)
-        if not self.drive.is_judged:
-            del self._visible  # which takes more memory than what is detected of it
-        return detected
+        return self.drive.scene.detector.detect(self._visible, self._poses)
 
-    def detections(self, pose: int) -> tuple[Detection, ...]:
+    def detections(self, slot: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
-        detections = self._detected.of(pose)
-        detections += self.drive.scene.detector.fleeting(
-            self.key(pose),
-            self.camera_pose(pose),
-            cos=self._poses.cos.item(pose),
-            sin=self._poses.sin.item(pose),
-        )
-        detections.sort(key=attrgetter("score"), reverse=True)
-        return tuple(detections)
+        fleeting = self.drive.scene.detector.fleeting(self._poses, slot)
+        detections = self._detected.detections(slot) + fleeting
+        return tuple(sorted(detections, key=attrgetter("score"), reverse=True))
 
-    def truth(self, pose: int) -> tuple[SceneObject, ...]:
+    def truth(self, slot: int) -> tuple[SceneObject, ...]:
         """What is really in view in one of the frames."""
-        begin, end = self._visible.pose.searchsorted((pose, pose + 1)).tolist()
+        begin, end = self._visible.slot.searchsorted((slot, slot + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
         return tuple(self.drive.scene.truth(visible))
 
@@ -179,7 +165,7 @@ def _rounded(values: Iterable[float], decimals: int) -> Array:
 
 class SceneFrame:
     """One camera frame of a town or of traffic: has what a ``TraceFrame`` has, but no boxes. It is
-    the frame ``index`` of its camera, and ``number`` of its batch.
+    the frame ``index`` of its camera, and has a ``slot`` in its batch.
 
     ``digest`` names the scene, the car, the camera and the time: no two frames are byte for byte
     the same picture. ``dhash`` are bits of their own for each frame, so that pictures are never
@@ -191,7 +177,7 @@ class SceneFrame:
     __slots__ = (
         "_batch",
         "_detections",
-        "_number",
+        "_slot",
         "camera",
         "dhash",
         "digest",
@@ -206,12 +192,12 @@ class SceneFrame:
     size_bytes = WIDTH * HEIGHT * 3 + IMAGE_HEADER_BYTES
     horizontal_fov_rad = HORIZONTAL_FOV_RAD
 
-    def __init__(self, batch: FrameBatch, number: int, index: int) -> None:
+    def __init__(self, batch: FrameBatch, slot: int, index: int) -> None:
         drive = batch.drive
-        self._batch, self._number = batch, number
+        self._batch, self._slot = batch, slot
         self.camera, self.index = batch.camera, index
         self.stamp_ns = index * drive.interval_ns
-        self.dhash, self.pose = batch.key(number), batch.camera_pose(number)
+        self.dhash, self.pose = batch.key(slot), batch.camera_pose(slot)
         self.digest = f"{drive.picture_prefix}{self.camera}{self.scene_ns:014x}"
         self._detections: tuple[Detection, ...] | None = None
 
@@ -219,14 +205,14 @@ class SceneFrame:
     def detections(self) -> tuple[Detection, ...]:
         """What the detector finds in this frame, best score first."""
         if self._detections is None:
-            self._detections = self._batch.detections(self._number)
+            self._detections = self._batch.detections(self._slot)
         return self._detections
 
     def truth(self) -> tuple[SceneObject, ...]:
         """What is really in view: in the field of view, not hidden, not too far away, and at least
         25 pixels high in the picture, as KITTI's labels that count.
         """
-        return self._batch.truth(self._number)
+        return self._batch.truth(self._slot)
 
     @property
     def scene_ns(self) -> int:
@@ -276,5 +262,5 @@ class CameraFrames(Sequence[SceneFrame]):
         for begin in range(0, len(indices), BATCH_FRAMES):
             batch_indices = indices[begin : begin + BATCH_FRAMES]
             batch = FrameBatch(self._drive, self._camera, batch_indices)
-            for number, index in enumerate(batch_indices):
-                yield SceneFrame(batch, number, index)
+            for slot, index in enumerate(batch_indices):
+                yield SceneFrame(batch, slot, index)

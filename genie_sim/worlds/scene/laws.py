@@ -74,7 +74,7 @@ class FleetingLaw(NamedTuple):
 
     label: str
     per_frame: float
-    range_m: tuple[float, ...]
+    ranges_m: tuple[float, ...]
     scores: tuple[float, ...]
 
 
@@ -92,7 +92,7 @@ class FittedLaws:
         # what towns are made from, so that other laws are another town
         self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
         real, ghosts = fitted["groups"], fitted["ghosts"]
-        lasting = {name: of for name, of in ghosts.items() if of["places"]}
+        lasting = {name: group for name, group in ghosts.items() if group["places"]}
         groups = [*real.values(), *lasting.values()]
         smooth = functools.cache(smooth_normals)  # for now: its rows are large
         self.score = _copula(
@@ -108,8 +108,8 @@ class FittedLaws:
             )
             for name in ("along", "across")
         )
-        of_groups = [(name, True) for name in real] + [(name, False) for name in lasting]
-        self._groups = {kind: number for number, kind in enumerate(of_groups)}
+        kinds = [(name, True) for name in real] + [(name, False) for name in lasting]
+        self._groups = {kind: number for number, kind in enumerate(kinds)}
         renamed = fitted["vehicle_names"]
         self.prone = np.zeros(len(groups), dtype=np.int64)
         self.prone[self.group_of("car")] = round(renamed["prone"] * (1 << OBJECT_PRONE.bits))

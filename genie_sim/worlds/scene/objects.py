@@ -36,8 +36,8 @@ REACHES_M = {label: FOCAL_PX * size.height_m / MIN_HEIGHT_PX for label, size in 
 
 
 class SceneObject(NamedTuple):
-    """Something that is really there, at some time: what it is, whether it moves, and where its
-    middle is [m].
+    """Something that is really there, at some time: what it is, whether it moves at that instant
+    (``base.classes.MOVING_MPS``), and where its middle is [m].
     """
 
     label: str

@@ -31,15 +31,15 @@ class SceneVisibility(Protocol):
     """Where the objects of a scene are at any time."""
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
-        """What is in view from some poses: not hidden, in the field of view, near enough. Fastest
-        if the poses are near each other.
+        """What is in view from some poses (slots,): not hidden, in the field of view, near enough.
+        Fastest if the poses are near each other.
         """
 
     def near(
         self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
     ) -> PlacedObjects:
-        """Objects near places (n,) at their times (n,), whether they can be seen or not: all of a
-        place's ``class_`` (n,) that are within a distance [m] of it, and maybe others.
+        """Objects near places (slots,) at their times (slots,), whether they can be seen or not:
+        all of a place's ``class_`` (slots,) that are within a distance [m] of it, and maybe others.
         """
 
 
@@ -106,15 +106,15 @@ class Scene:
         """
         class_ = self.objects.classes_of(labels)
         near = self.visibility.near(east_m, north_m, t_s, class_=class_, radius_m=tolerance_m)
-        place = near.pose
-        away_m = np.hypot(near.east_m - east_m[place], near.north_m - north_m[place])
-        is_it = (away_m <= tolerance_m) & (self.objects.class_[near.row] == class_[place])
-        result = np.zeros(len(labels), dtype=bool)
-        result[place[is_it]] = True
-        return result
+        slot = near.slot
+        away_m = np.hypot(near.east_m - east_m[slot], near.north_m - north_m[slot])
+        is_right = (away_m <= tolerance_m) & (self.objects.class_[near.row] == class_[slot])
+        are_there = np.zeros(len(labels), dtype=bool)
+        are_there[slot[is_right]] = True
+        return are_there
 
     def truth(self, visible: VisibleObjects) -> list[SceneObject]:
-        """The real ones of the objects that are visible from some poses."""
+        """The real ones of some visible objects, without the ghosts."""
         is_real = self.objects.real[visible.row]
         visible = VisibleObjects._make(column[is_real] for column in visible)
         objects, row = self.objects, visible.row
@@ -125,7 +125,7 @@ class Scene:
             visible.north_m,
             objects.up_m[row],
         )
-        return [SceneObject(*of) for of in zip(*(c.tolist() for c in columns), strict=True)]
+        return list(map(SceneObject, *(column.tolist() for column in columns)))
 
     def facts(self) -> Mapping[str, object]:
         """What the scene is made from, besides its seed."""
@@ -212,6 +212,5 @@ class SceneDrives(Drives):
         return {self.scene.name: self.scene.provenance()}
 
     def truth_of(self, drive: "SceneDrive") -> SceneTruth:
-        """What is really there; from now on the drive's batches keep what is in view."""
-        drive.is_judged = True
+        """What is really there, of which all drives have the same."""
         return self._truth

@@ -1,4 +1,9 @@
-"""What cameras have in view, from many poses at once, as columns: what all scenes share."""
+"""What cameras have in view, from many poses at once, as columns: what all scenes share.
+
+A scene says what is near the cameras and where it is then (``PlacedObjects``), ``in_view`` keeps
+what is in the field of view, and the scene takes out what others hide, whom the lines of sight
+cross (``shares_in_rectangle``).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +25,7 @@ SLOPE = math.tan(HORIZONTAL_FOV_RAD / 2)
 
 class ViewPoses(NamedTuple):
     """From where [m], in which direction (cosine and sine of the heading) and when [s] a camera
-    looks, as columns; ``key`` (64 bits) is each pose's own.
+    looks, as columns (slots,); ``key`` (64 bits) is each frame's own.
     """
 
     east_m: Array
@@ -32,11 +37,12 @@ class ViewPoses(NamedTuple):
 
 
 class PlacedObjects(NamedTuple):
-    """Objects that may be seen: from which pose, the row of the object, whether it moves then, and
-    where it is, east and north [m].
+    """Objects where they are when they are asked for, as columns (n,): for which of the poses or
+    places that are asked about at once (``slot``), the ``row`` of the object, whether it moves at
+    that instant, and where it is, east and north [m].
     """
 
-    pose: Ints
+    slot: Ints
     row: Ints
     moving: Flags
     east_m: Array
@@ -44,36 +50,36 @@ class PlacedObjects(NamedTuple):
 
 
 class VisibleObjects(NamedTuple):
-    """All objects in view from some poses, ghosts too, pose by pose: as ``PlacedObjects``, and how
-    far away each is [m].
+    """All objects in view, ghosts too, slot by slot and then row by row: as ``PlacedObjects``, and
+    how far away each is [m].
     """
 
-    pose: Ints
+    slot: Ints
     row: Ints
     moving: Flags
     east_m: Array
     north_m: Array
-    range_m: Array
+    away_m: Array
 
 
 def in_view(
     poses: ViewPoses, candidates: PlacedObjects, objects: ObjectColumns, view_m: float
 ) -> VisibleObjects:
     """Of the ``candidates`` those in the field of view, neither too near nor too far (up to
-    ``view_m`` [m]), pose by pose and then row by row; what hides them is not looked at.
+    ``view_m`` [m]), in order; what hides them is not looked at.
 
     ``objects`` are all that there are, of which ``candidates`` gives the rows.
     """
-    pose = candidates.pose
-    c, s = poses.cos[pose], poses.sin[pose]
-    dx, dy = candidates.east_m - poses.east_m[pose], candidates.north_m - poses.north_m[pose]
+    slot = candidates.slot
+    c, s = poses.cos[slot], poses.sin[slot]
+    dx, dy = candidates.east_m - poses.east_m[slot], candidates.north_m - poses.north_m[slot]
     border_m, left_m = (dx * c + dy * s) * SLOPE, dy * c - dx * s
-    range_m = np.sqrt(dx * dx + dy * dy)
+    away_m = np.sqrt(dx * dx + dy * dy)
     farthest_m = np.minimum(objects.reach_m[candidates.row], view_m)
-    visible = (np.abs(left_m) <= border_m) & (range_m >= NEAREST_M) & (range_m <= farthest_m)
+    visible = (np.abs(left_m) <= border_m) & (away_m >= NEAREST_M) & (away_m <= farthest_m)
     chosen = np.flatnonzero(visible)
-    chosen = chosen[np.lexsort((candidates.row[chosen], pose[chosen]))]
-    return VisibleObjects._make(column[chosen] for column in (*candidates, range_m))
+    chosen = chosen[np.lexsort((candidates.row[chosen], slot[chosen]))]
+    return VisibleObjects._make(column[chosen] for column in (*candidates, away_m))
 
 
 def near_pairs(tree: cKDTree, places_m: Array, radius_m: float) -> tuple[Ints, Ints]:
@@ -85,9 +91,10 @@ def near_pairs(tree: cKDTree, places_m: Array, radius_m: float) -> tuple[Ints, I
     return place, np.fromiter(itertools.chain.from_iterable(near), dtype=np.int64)
 
 
-def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array, Array]:
-    """From which share of a line to which it is between two parallel borders: ``middle_m`` is their
-    middle and ``half_m`` half their distance; the line begins at 0 and ends at ``way_m``.
+def shares_in_slab(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array, Array]:
+    """From which share of each line (n,) to which it is between two parallel borders. Across these,
+    the line goes from 0 to ``way_m`` (n,), ``middle_m`` (n,) is the borders' middle, and ``half_m``
+    half their distance. A share may be below 0 or above 1: that is before or after the line.
     """
     # A line along the borders is between them all the time, or never.
     steep_m = np.where(np.abs(way_m) < 1e-9, 1e-9, way_m)
@@ -95,9 +102,11 @@ def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array
     return np.minimum(first, last), np.maximum(first, last)
 
 
-def inside(along: tuple[Array, Array], across: tuple[Array, Array]) -> tuple[Array, Array]:
-    """From which share of a line to which it is in a rectangle, by those ``between`` its ends and
-    its sides; where it never is, the first is not less than the last.
+def shares_in_rectangle(
+    along: tuple[Array, Array], across: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """From which share of each line (n,) to which, in [0, 1], it is in a rectangle, by those in the
+    slab of its ends and of its sides; where it never is, the first is not less than the last.
     """
     first = np.maximum(np.maximum(along[0], across[0]), 0.0)
     return first, np.minimum(np.minimum(along[1], across[1]), 1.0)

@@ -22,10 +22,10 @@ from genie_sim.worlds.scene.view import (
     PlacedObjects,
     ViewPoses,
     VisibleObjects,
-    between,
     in_view,
-    inside,
     near_pairs,
+    shares_in_rectangle,
+    shares_in_slab,
 )
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Street
@@ -80,9 +80,9 @@ class Places:
         self._objects, self._view_m, self._block_m = objects, rules.view_m, rules.block_m
         self._house_m = rules.block_m / 2 - rules.street_half_m  # from the middle of a block
         rows = [
-            (of.along_m, of.across_m, of.speed_mps, street.northbound, street.length_m)
+            (item.along_m, item.across_m, item.speed_mps, street.northbound, street.length_m)
             for street in streets
-            for of in street.objects
+            for item in street.objects
         ]
         self._tracks = _Tracks._make(np.array(column) for column in zip(*rows, strict=True))
         ways = np.array([self._tracks.speed_mps, self._tracks.northbound])
@@ -96,8 +96,8 @@ class Places:
 
     def _moved(self, east_m: Array, north_m: Array, t_s: Array) -> Array:
         """Places (n,) at their times in the frame of each velocity (velocities, n, 2)."""
-        speed_mps = np.array([same.speed_mps for same in self._velocities])[:, None]
-        northbound = np.array([same.northbound for same in self._velocities])[:, None]
+        speed_mps = np.array([group.speed_mps for group in self._velocities])[:, None]
+        northbound = np.array([group.northbound for group in self._velocities])[:, None]
         along_m = np.where(northbound, north_m, east_m) - speed_mps * t_s
         return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
 
@@ -115,6 +115,9 @@ class Places:
         return east_m, north_m
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
+        """As ``scene.SceneVisibility``: of each velocity what is near any of the poses, of that
+        what is in the field of view, and of that what no house hides.
+        """
         ahead_m = self._view_m / (2 * HALF_C)  # in a circle is all that is in view, and the camera
         moved_m = self._moved(
             poses.east_m + ahead_m * poses.cos, poses.north_m + ahead_m * poses.sin, poses.t_s
@@ -123,23 +126,23 @@ class Places:
         middle_m, radius_m = (low_m + high_m) / 2, ahead_m + np.hypot(*(high_m - low_m).T) / 2
         row = np.concatenate(
             [
-                same.near(middle_m[number, None], radius_m.item(number))[1]
-                for number, same in enumerate(self._velocities)
+                group.near(middle_m[number, None], radius_m.item(number))[1]
+                for number, group in enumerate(self._velocities)
             ]
         )
         east_m, north_m = self._at(row, poses.t_s[:, None])
-        pose = np.arange(len(poses.t_s))
+        slot = np.arange(len(poses.t_s))
         candidates = PlacedObjects(
-            pose=np.repeat(pose, len(row)),
-            row=np.tile(row, len(pose)),
-            moving=np.tile(self._tracks.speed_mps[row] != 0.0, len(pose)),
+            slot=np.repeat(slot, len(row)),
+            row=np.tile(row, len(slot)),
+            moving=np.tile(self._tracks.speed_mps[row] != 0.0, len(slot)),
             east_m=east_m.ravel(),
             north_m=north_m.ravel(),
         )
         visible = in_view(poses, candidates, self._objects, self._view_m)
         clear = ~self._behind_houses(
-            (poses.east_m[visible.pose], visible.east_m),
-            (poses.north_m[visible.pose], visible.north_m),
+            (poses.east_m[visible.slot], visible.east_m),
+            (poses.north_m[visible.slot], visible.north_m),
         )
         return VisibleObjects._make(column[clear] for column in visible)
 
@@ -148,11 +151,13 @@ class Places:
         block.
         """
         hidden = np.zeros(len(east_m[0]), dtype=bool)
-        for along, across in itertools.product(self._between(*east_m), self._between(*north_m)):
-            hidden |= np.less(*inside(along, across))
+        for along, across in itertools.product(
+            self._shares_in_blocks(*east_m), self._shares_in_blocks(*north_m)
+        ):
+            hidden |= np.less(*shares_in_rectangle(along, across))
         return hidden
 
-    def _between(self, from_m: Array, to_m: Array) -> list[tuple[Array, Array]]:
+    def _shares_in_blocks(self, from_m: Array, to_m: Array) -> list[tuple[Array, Array]]:
         """From which share of each line to which it is between the borders of houses, along one
         axis, for each of the blocks that it passes.
         """
@@ -161,7 +166,7 @@ class Places:
         shares = []
         for number in range(int((last - first).max(initial=0.0)) + 1):
             middle_m = (np.minimum(first + number, last) + 0.5) * self._block_m
-            shares.append(between(middle_m - from_m, to_m - from_m, self._house_m))
+            shares.append(shares_in_slab(middle_m - from_m, to_m - from_m, self._house_m))
         return shares
 
     def near(
@@ -169,10 +174,10 @@ class Places:
     ) -> PlacedObjects:
         """As ``scene.SceneVisibility``, but speed by speed."""
         places, rows = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-        for same, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):
-            asked = np.flatnonzero(same.has_class[class_])
+        for group, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):
+            asked = np.flatnonzero(group.has_class[class_])
             if len(asked):
-                place, row = same.near(moved_m[asked], radius_m)
+                place, row = group.near(moved_m[asked], radius_m)
                 places.append(asked[place])
                 rows.append(row)
         place, row = np.concatenate(places), np.concatenate(rows)

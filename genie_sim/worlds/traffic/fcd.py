@@ -89,21 +89,30 @@ class _Reader:
         self._parser.StartElementHandler = self._root
 
     def steps(self, file: IO[bytes]) -> Iterator[_Step]:
-        """The steps of a file; what is wrong behind them is only found if they are not enough."""
-        while True:
+        """The steps of a file. An error is only raised behind the steps before it: who needs none
+        that is behind it never meets it.
+        """
+        chunk, problem = b" ", None
+        while chunk and not problem:
             chunk = file.read(CHUNK_BYTES)
-            try:
-                self._parser.Parse(chunk, not chunk)
-                if not chunk:
-                    self._end()
-            except expat.ExpatError as error:
-                text = f"{self.path}: not XML: {one_line(str(error))}"
-                raise UserError(f"{text}; SUMO's --fcd-output NAME.xml is") from error
-            finally:
-                yield from self._finished
-                self._finished.clear()
-            if not chunk:
-                return
+            problem = self._problem(chunk)
+            yield from self._finished
+            self._finished.clear()
+        if problem:
+            raise problem
+
+    def _problem(self, chunk: bytes) -> UserError | None:
+        """Takes the next bytes of the file, at its end none; tells what is wrong with them."""
+        try:
+            self._parser.Parse(chunk, not chunk)
+        except expat.ExpatError as error:
+            text = f"{self.path}: not XML: {one_line(str(error))}"
+            return UserError(f"{text}; SUMO's --fcd-output NAME.xml is")
+        except UserError as error:
+            return error
+        if not chunk:
+            self._end()
+        return None
 
     @property
     def where(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from genie_sim.base.classes import SIZES
-from genie_sim.base.errors import short_repr
+from genie_sim.base.errors import short_repr, unknown
 from genie_sim.base.geometry import Array
 from genie_sim.base.grid import Area, widened
 from genie_sim.base.spans import Ints
@@ -27,10 +27,14 @@ BESIDE_M = 10.0  # the map goes on beside its outermost vehicles; one street has
 def _types_by_name(
     rows: VehicleRows, own_types: Mapping[str, VehicleType]
 ) -> dict[str, VehicleType]:
-    """The types of a file's vehicles, own ones first. Warns of those whose names say nothing."""
+    """The types of a file's vehicles, own ones first. Warns of those whose names say nothing, and
+    of own ones that no vehicle has: they may be misspelt.
+    """
     names = dict.fromkeys(
         name for name, is_person in zip(rows.types, rows.is_person, strict=True) if not is_person
     )
+    for name in sorted(own_types.keys() - names.keys()):
+        rows.report.warn(f"perception.types: {unknown('type', name, filter(None, names))}")
     told = {"", *own_types, *filter(type_named, names)}
     counts = Counter(name for name in rows.types if name not in told)
     if counts:
@@ -41,11 +45,20 @@ def _types_by_name(
 
 
 class _Links(NamedTuple):
-    """Which row follows which. Of each row (rows,): the two between which its vehicle is from then
-    on, ``from_row`` and ``to_row``: it and the next, at the very end of a stretch the one before
-    and it, and of a stretch of one row that one; the row until whose time it is known,
-    ``until_row``; and whether it begins a stretch. ``jumps`` are the rows that are reached by a
-    jump, ``longest_m`` is the longest way from a row to the next.
+    """Which row follows which, as columns (rows,). Of a vehicle with a stretch of the rows 0, 1 and
+    2 and, after a gap, one of row 3 alone:
+
+    ============= ===== ===== ===== ===== =====================================================
+    row           0     1     2     3
+    ============= ===== ===== ===== ===== =====================================================
+    ``from_row``  0     1     1     3     from that time on it drives from this row
+    ``to_row``    1     2     2     3     to this one: at the end of a stretch as just before it
+    ``until_row`` 1     2     2     3     and is there until the time of this one
+    ``is_first``  true  false false true  whether it begins a stretch
+    ============= ===== ===== ===== ===== =====================================================
+
+    ``jumps`` are the rows that are reached by a jump, ``longest_m`` is the longest way from a row
+    to the next.
     """
 
     from_row: Ints
@@ -156,23 +169,23 @@ class Vehicles:
         return self.times_s[self._step[row]]
 
     def near(self, east_m: Array, north_m: Array, t_s: Array, radius_m: float) -> tuple[Ints, Ints]:
-        """All pairs of a query (n,), a place at a time, and a vehicle that may be so near to it
-        then, query by query: the query and the row. All that are so near are among them.
+        """All pairs of a slot (slots,), a place at a time, and a vehicle that may be so near to it
+        then, slot by slot: the slot and the row. All that are so near are among them.
         """
         places_m = np.column_stack([east_m, north_m])
-        queries, rows = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        slots, rows = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         step = self._steps_at(t_s)
         for number in np.unique(step[step >= 0]).tolist():
             asked = np.flatnonzero(step == number)
             of_step, tree = self._at_step(number)
             place, point = near_pairs(tree, places_m[asked], radius_m + self._links.longest_m)
-            queries.append(asked[place])
+            slots.append(asked[place])
             rows.append(of_step[point])
-        query, row = np.concatenate(queries), np.concatenate(rows)
-        is_there = t_s[query] <= self._until_s[row]
-        query, row = query[is_there], row[is_there]
-        order = np.argsort(query, kind="stable")
-        return query[order], row[order]
+        slot, row = np.concatenate(slots), np.concatenate(rows)
+        is_there = t_s[slot] <= self._until_s[row]
+        slot, row = slot[is_there], row[is_there]
+        order = np.argsort(slot, kind="stable")
+        return slot[order], row[order]
 
     def _steps_at(self, t_s: Array) -> Ints:
         """The last step at or before each time; -1 where there is none."""

@@ -13,9 +13,9 @@ from genie_sim.worlds.scene.view import (
     PlacedObjects,
     ViewPoses,
     VisibleObjects,
-    between,
     in_view,
-    inside,
+    shares_in_rectangle,
+    shares_in_slab,
 )
 from genie_sim.worlds.traffic.vehicles import Vehicles
 
@@ -37,28 +37,21 @@ class TrafficView:
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
         vehicles = self._vehicles
-        pose, row = vehicles.near(poses.east_m, poses.north_m, poses.t_s, self._view_m + BEYOND_M)
-        motions = vehicles.at(row, poses.t_s[pose])
-        matters = self._may_matter(poses, pose, motions)
-        pose, row = pose[matters], row[matters]
+        slot, row = vehicles.near(poses.east_m, poses.north_m, poses.t_s, self._view_m + BEYOND_M)
+        motions = vehicles.at(row, poses.t_s[slot])
+        matters = self._may_matter(poses, slot, motions)
         motions = Motions._make(column[matters] for column in motions)
-        candidates = PlacedObjects(
-            pose=pose,
-            row=vehicles.vehicle[row],
-            moving=motions.speed_mps > MOVING_MPS,
-            east_m=motions.east_m,
-            north_m=motions.north_m,
-        )
+        candidates = self._placed(slot[matters], row[matters], motions)
         visible = in_view(poses, candidates, self._objects, self._view_m)
         is_hidden = self._hidden(poses, visible, candidates, motions)
         return VisibleObjects._make(column[~is_hidden] for column in visible)
 
-    def _may_matter(self, poses: ViewPoses, pose: Ints, motions: Motions) -> Flags:
-        """Which vehicles (n,) are seen from their poses (n,) or may hide others: those in a wedge
+    def _may_matter(self, poses: ViewPoses, slot: Ints, motions: Motions) -> Flags:
+        """Which vehicles (n,) are seen in their slots (n,) or may hide others: those in a wedge
         that is wider than the field of view by a vehicle's length.
         """
-        dx, dy = motions.east_m - poses.east_m[pose], motions.north_m - poses.north_m[pose]
-        c, s = poses.cos[pose], poses.sin[pose]
+        dx, dy = motions.east_m - poses.east_m[slot], motions.north_m - poses.north_m[slot]
+        c, s = poses.cos[slot], poses.sin[slot]
         ahead_m, left_m = dx * c + dy * s, np.abs(dy * c - dx * s)
         in_wedge = left_m * HALF_C <= ahead_m * HALF_S + BEYOND_M * HALF_C
         is_own = np.maximum(np.abs(dx), np.abs(dy)) < OWN_M
@@ -78,32 +71,32 @@ class TrafficView:
         ----------
         poses : of the cameras
         visible : what is in their fields of view (n,)
-        candidates : what may hide it (m,), in the order of the poses
+        candidates : what may hide it (m,), slot by slot
         motions : of the candidates (m,)
         """
-        counts = np.bincount(candidates.pose, minlength=len(poses.key))
+        counts = np.bincount(candidates.slot, minlength=len(poses.key))
         firsts = np.cumsum(counts) - counts
-        # Pairs of two vehicles seen from one pose: the target, and the one that may hide it.
-        hider, target = rows_of_spans(firsts[visible.pose], counts[visible.pose])
+        # Pairs of two vehicles in one slot: the target, and the one that may hide it.
+        hider, target = rows_of_spans(firsts[visible.slot], counts[visible.slot])
         are_two = candidates.row[hider] != visible.row[target]
         hider, target = hider[are_two], target[are_two]
-        pose, vehicle = visible.pose[target], candidates.row[hider]
-        from_east_m, from_north_m = poses.east_m[pose], poses.north_m[pose]
+        slot, vehicle = visible.slot[target], candidates.row[hider]
+        from_east_m, from_north_m = poses.east_m[slot], poses.north_m[slot]
         to_x, to_y = visible.east_m[target] - from_east_m, visible.north_m[target] - from_north_m
         by_x, by_y = motions.east_m[hider] - from_east_m, motions.north_m[hider] - from_north_m
         c, s = motions.cos[hider], motions.sin[hider]
         # Shares of the line of sight between the ends, and between the sides, of the hider.
-        along = between(
+        along = shares_in_slab(
             by_x * c + by_y * s, to_x * c + to_y * s, self._vehicles.lengths_m[vehicle] / 2
         )
-        across = between(
+        across = shares_in_slab(
             by_y * c - by_x * s, to_y * c - to_x * s, self._vehicles.widths_m[vehicle] / 2
         )
-        enters, leaves = inside(along, across)
+        enters, leaves = shares_in_rectangle(along, across)
         rise_m = self._objects.up_m[visible.row[target]] - CAMERA_UP_M
         lowest_m = CAMERA_UP_M + np.minimum(enters * rise_m, leaves * rise_m)
         hides = (enters < leaves) & (lowest_m < self._vehicles.heights_m[vehicle])
-        is_hidden = np.zeros(len(visible.pose), dtype=bool)
+        is_hidden = np.zeros(len(visible.slot), dtype=bool)
         is_hidden[target[hides]] = True
         return is_hidden
 
@@ -111,8 +104,15 @@ class TrafficView:
         self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
     ) -> PlacedObjects:
         """As ``scene.SceneVisibility``, whatever the class."""
-        place, row = self._vehicles.near(east_m, north_m, t_s, radius_m)
-        motions = self._vehicles.at(row, t_s[place])
-        moving = motions.speed_mps > MOVING_MPS
-        vehicle = self._vehicles.vehicle[row]
-        return PlacedObjects(place, vehicle, moving, motions.east_m, motions.north_m)
+        slot, row = self._vehicles.near(east_m, north_m, t_s, radius_m)
+        return self._placed(slot, row, self._vehicles.at(row, t_s[slot]))
+
+    def _placed(self, slot: Ints, row: Ints, motions: Motions) -> PlacedObjects:
+        """The vehicles of some rows (n,) as objects, with how they move then (n,)."""
+        return PlacedObjects(
+            slot=slot,
+            row=self._vehicles.vehicle[row],
+            moving=motions.speed_mps > MOVING_MPS,
+            east_m=motions.east_m,
+            north_m=motions.north_m,
+        )

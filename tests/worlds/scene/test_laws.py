@@ -30,6 +30,7 @@ from genie_sim.worlds.scene.laws import (
 )
 from genie_sim.worlds.scene.noise import VIEWS, normals, smooth_normals
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
+from genie_sim.worlds.scene.view import ViewPoses
 from genie_sim.worlds.town import Town, TownRules
 from tools.make.town_fit import fit, validation
 
@@ -174,27 +175,26 @@ def test_fleeting_ghosts_are_anywhere_in_view(laws):
     """
     nothing = ObjectColumns([], [], [], laws=laws, seed_key=0)
     detector, law, heading_rad = SyntheticDetector(nothing, laws), laws.fleeting[1], 2.0
-    pose = CameraPose(10.0, -20.0, 1.65, heading_rad)
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    ghosts = [
-        ghost
-        for key in range(10_000)
-        for ghost in detector.fleeting(mix(key), pose, cos=cos, sin=sin)
-    ]
+    here = 10.0, -20.0, math.cos(heading_rad), math.sin(heading_rad), 0.0
+    frames = [mix(key) for key in range(10_000)]
+    poses = ViewPoses(
+        *(np.full(len(frames), number) for number in here), key=np.array(frames, dtype=np.uint64)
+    )
+    ghosts = [ghost for slot in range(len(frames)) for ghost in detector.fleeting(poses, slot)]
     assert len(ghosts) == pytest.approx(1e4 * sum(of.per_frame for of in laws.fleeting), rel=0.02)
-    away_m = np.array([g.location[:2] for g in ghosts if g.label == law.label]) - pose[:2]
+    away_m = np.array([g.location[:2] for g in ghosts if g.label == law.label]) - here[:2]
     assert len(away_m) == pytest.approx(1e4 * law.per_frame, rel=0.03)
     bearings_rad = np.arctan2(away_m[:, 1], away_m[:, 0]) - heading_rad
     bearings_rad -= np.rint(bearings_rad / math.tau) * math.tau
     evenly = np.linspace(-HORIZONTAL_FOV_RAD / 2, HORIZONTAL_FOV_RAD / 2, 4000)
     assert validation.distance(bearings_rad, evenly) < 0.04
     assert np.max(np.abs(bearings_rad)) <= HORIZONTAL_FOV_RAD / 2 + 1e-3
-    expected_m = [quantile(law.range_m, share) for share in (np.arange(4000) + 0.5) / 4000]
+    expected_m = [quantile(law.ranges_m, share) for share in (np.arange(4000) + 0.5) / 4000]
     assert validation.distance(np.hypot(*away_m.T), expected_m) < 0.04
     near = SyntheticDetector(nothing, laws, view_m=20.0)
-    assert [
-        ghost for key in range(10_000) for ghost in near.fleeting(mix(key), pose, cos=cos, sin=sin)
-    ] == [ghost for ghost in ghosts if math.dist(ghost.location[:2], pose[:2]) <= 20.0]
+    assert [ghost for slot in range(len(frames)) for ghost in near.fleeting(poses, slot)] == [
+        ghost for ghost in ghosts if math.dist(ghost.location[:2], here[:2]) <= 20.0
+    ]
 
 
 def test_other_laws_have_another_digest():

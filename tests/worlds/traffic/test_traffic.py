@@ -172,7 +172,9 @@ def test_types_that_say_nothing_are_told(tmp_path, caplog):
     assert "types taken for cars: 'xyz_1' (1); perception.types says what they are" in caplog.text
     caplog.clear()
     prepare(scenario(str(path), types={"xyz_1": {"label": "bus"}}))
-    assert "taken for cars" not in caplog.text
+    assert "taken for cars" not in caplog.text and "unknown type" not in caplog.text
+    prepare(scenario(str(path), types={"xyz_1": {"label": "bus"}, "trukk": {"label": "bus"}}))
+    assert "unknown type 'trukk' (did you mean 'truck'?)" in caplog.text
 
 
 def test_a_fleet_has_cells_around_the_traffic_and_hand_overs(fcd):

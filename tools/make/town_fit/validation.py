@@ -51,9 +51,9 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
     candidates = PlacedObjects(each, each, still, east_m=east_m, north_m=north_m)
     visible = in_view(view_poses, candidates, objects, MAX_VIEW_M)
     detected = SyntheticDetector(objects, laws).detect(visible, view_poses)
-    for number in visible.pose.tolist():
+    for number in visible.slot.tolist():
         look = looks[number]
-        detection = next(iter(detected.of(number)), None)
+        detection = next(iter(detected.detections(number)), None)
         along_m, across_m = errors_m(detection, look.centre, look.pose)
         again.append(look._replace(detection=detection, along_m=along_m, across_m=across_m))
     return again
