@@ -77,7 +77,7 @@ IMAGES = [
 ]
 MAPS = [
     lookup(0, "car1", "sighting", 10, 2, updates=2, boost_sum=0.1, entries=5),
-    lookup(0.3, "car2", "sighting", 10, 10, updates=10, boost_sum=0.2, entries=2),
+    lookup(0.3, "car2", "sighting", 10, 10, updates=8, boost_sum=0.2, entries=2),
     lookup(0.4, "edge1", "sighting", 20, 5, updates=4, boost_sum=0.04, entries=8),
     lookup(1, "car1", "boost", 10, 8, updates=8, boost_sum=0.3, entries=6),
 ]
