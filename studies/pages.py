@@ -143,7 +143,7 @@ def where_it_pays() -> str:
     for row in pd.read_csv(RESULTS / "where_it_pays" / "reported_gains.csv").to_dict("records"):
         if not isinstance(row["best"], str):
             rows.append([f"**{row['condition']}**", "", "", "", f"**{gain(row)}**", ""])
-        elif row["condition"].startswith("town") and "tuned" not in row["condition"]:
+        elif row["condition"].startswith("town"):
             best = METHODS[row["best"].removesuffix("_for_towns")]
             numbers = [f"{row['best_f1']:.3f}", f"{row['genie_f1']:.3f}", gain(row)]
             prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))

@@ -91,9 +91,9 @@ def _counted(
 
 
 def running_boost(lookups: Columns) -> Columns:
-    """All confidence that a placement's maps added so far, over the objects that they then store,
-    after a warm-up over those more than at its end, from the first object on: columns ``t_ns``,
-    ``events`` (how many look-ups) and ``boost``.
+    """All confidence that a placement's maps added so far, over the objects that they have stored,
+    both after a warm-up since its end, from the first object on: columns ``t_ns``, ``events`` (how
+    many look-ups) and ``boost``.
     """
     stored = np.cumsum(_added_entries(lookups))
     known = stored > 0
@@ -114,7 +114,7 @@ def _added_entries(lookups: Columns) -> "Ints":
     found = np.maximum(entries - new[order], 0)
     before = np.where(np.diff(codes, prepend=-1) == 0, np.roll(entries, 1), found)
     added: Ints = np.empty_like(entries)
-    added[order] = entries - before
+    added[order] = np.maximum(entries - before, 0)  # what is forgotten was stored all the same
     return added
 
 
@@ -139,7 +139,7 @@ def _pooled(lookups: Columns) -> Estimate:
 
 def _boost(lookups: Columns) -> Estimate:
     maps = objects(lookups)
-    stored = max(int(_added_entries(maps).sum()), 0)
+    stored = int(_added_entries(maps).sum())
     return quotient(math.fsum(maps["boost_sum"]), stored)
 
 
@@ -196,8 +196,8 @@ METRICS = {
     "confidence_boost": _of_lookups(
         "confidence boost",
         "",
-        "Confidence added by all Genies of a placement until the end, over the objects that they "
-        "then store; after a warm-up, over those more than at its end.",
+        "Confidence added by all Genies of a placement, over the objects that they have stored, "
+        "forgotten ones included; after a warm-up, since its end.",
         _boost,
         better=HIGHER,
         tier=SHORT,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from genie_sim.base import plugins
@@ -225,7 +226,8 @@ class SharedFrames:
     def prepare(self, scenario: Scenario) -> Prepared:
         """As ``prepare`` alone."""
         drives = scenario.fleet or [(car.name, car.route.trace) for car in scenario.cars]
-        asked = repr((scenario.perception, scenario.origin, drives))
+        # traces are looked for in the current folder, too
+        asked = repr((Path.cwd(), scenario.perception, scenario.origin, drives))
         prepared = prepare(scenario, frames=self.frames.get(asked))
         if not prepared.frames.seeded:
             self.frames[asked] = prepared.frames

@@ -308,7 +308,7 @@ def test_object_reuse_counts_look_ups_of_each_kind_not_messages():
     assert result["image_reuse", "car"].value is None
     assert result["boost_per_sighting", "car"].value == pytest.approx(0.1)
     assert result["boost_per_sighting", "car"].n == 7
-    assert result["confidence_boost", "car"].value == pytest.approx(0.7 / 2), "two are stored"
+    assert result["confidence_boost", "car"].value == pytest.approx(0.7 / 3), "three were"
 
 
 def test_a_range_is_from_the_lowest_to_the_highest_running_ratio_of_any_genie():
@@ -323,7 +323,7 @@ def test_a_range_is_from_the_lowest_to_the_highest_running_ratio_of_any_genie():
     assert (alone.range_low, alone.range_high) == (0.5, 1.0)
 
 
-def test_the_running_boost_is_confidence_added_over_objects_then_stored():
+def test_the_running_boost_is_confidence_added_over_objects_stored_so_far():
     table = lookup_table(
         ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.00, 0),
         ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.10, 2),
@@ -332,7 +332,7 @@ def test_the_running_boost_is_confidence_added_over_objects_then_stored():
     )
     curve = genie_metrics.running_boost(Columns.of(table))
     assert list(curve["events"]) == [2, 3, 4]
-    assert list(curve["boost"]) == pytest.approx([0.10 / 2, 0.16 / 3, 0.16 / 2])
+    assert list(curve["boost"]) == pytest.approx([0.10 / 2, 0.16 / 3, 0.16 / 3])
     # after a warm-up a map holds ten objects; of four sighted ones three are new
     warm = ("genie", 9, "g", "car", "sighting", None, "car1", "c", 9, None, 4, 0, 1, 0.09, 13)
     curve = genie_metrics.running_boost(Columns.of(lookup_table(warm)))

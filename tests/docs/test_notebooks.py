@@ -35,7 +35,7 @@ def outputs(code: Cells, kind: str) -> list[str]:
     for output in (output for cell in code for output in cell["outputs"]):
         shown = output.get("data", {}) if kind != "stream" else {kind: output.get("text", "")}
         found.append("".join(shown.get(kind, "")))
-    return [text for text in found if text and not text.startswith("<Figure")]
+    return [text for text in found if text and not text.startswith(("<Figure", "<NotebookFigure"))]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
