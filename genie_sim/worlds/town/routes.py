@@ -159,14 +159,15 @@ def drive(
         crossing = _crossing(commuting, start, end, beyond)
         pose, length_m = _entry(rules, start, end, skipped_m), straight_m - skipped_m
         limit_mps = commuting.limit_mps(start, end)
-        phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, crossing.through_mps))
+        end_mps = _reached(rules, crossing.through_mps, speed_mps, length_m)
+        phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, end_mps))
         arrival_s = t_s + math.fsum(phase.seconds for phase in phases)
         free_s = crossing.free_s(arrival_s)
         stops = crossing.has_stop_sign or free_s > arrival_s
         if stops:
             phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, 0.0))
         t_s = course.follow(t_s, pose, 0.0, phases)
-        pose, speed_mps = _along(pose, 0.0, length_m), crossing.through_mps
+        pose, speed_mps = _along(pose, 0.0, length_m), end_mps
         if stops:
             waits = Phase(max(STOP_S, free_s - t_s), 0.0, 0.0)
             t_s, speed_mps = course.follow(t_s, pose, 0.0, [waits]), 0.0
@@ -242,9 +243,13 @@ def _phases(
 def _across(rules: TownRules, crossing: Crossing, speed_mps: float) -> tuple[list[Phase], float]:
     """The phases of the way across a junction, from a speed on, and the speed at its end."""
     length_m, through_mps = crossing.length_m, crossing.through_mps
-    reachable_mps = math.sqrt(speed_mps**2 + 2 * rules.acceleration_mps2 * length_m)
-    reached_mps = min(through_mps, reachable_mps)
+    reached_mps = _reached(rules, through_mps, speed_mps, length_m)
     return _phases(rules, length_m, through_mps, ends_mps=(speed_mps, reached_mps)), reached_mps
+
+
+def _reached(rules: TownRules, wanted_mps: float, speed_mps: float, length_m: float) -> float:
+    """The speed at the end of a way: the wanted one, or what can be reached on it."""
+    return min(wanted_mps, math.sqrt(speed_mps**2 + 2 * rules.acceleration_mps2 * length_m))
 
 
 def _along(pose: Pose, curvature_per_m: float, way_m: float) -> Pose:

@@ -72,6 +72,15 @@ def test_speeds_are_those_of_a_town(ways):
     assert 0.02 < (everything < 0.1).mean() < 0.5, "there are stops, but cars get on"
 
 
+def test_a_car_that_is_slow_to_start_does_not_leap():
+    """At this acceleration no leg is long enough for the speed limit after a turn."""
+    town = Town(TownRules(blocks=(6, 5), acceleration_mps2=0.3), seed=3)
+    for car in ("car0", "car1", "car2"):
+        drive = town.drive(car, 200 * NS_PER_S)
+        way = np.array([drive.position(t_ns) for t_ns in range(0, drive.duration_ns, STEP_NS)])
+        assert np.hypot(*np.diff(way, axis=0).T).max() * NS_PER_S / STEP_NS <= 50 / 3.6 + 1e-6
+
+
 def test_turns_are_taken_slowly(ways):
     for way in ways:
         steps = np.diff(way, axis=0)
