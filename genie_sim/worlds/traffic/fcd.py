@@ -276,7 +276,7 @@ def _wanted(
         if begin_s is None or (wanted and step.time_s <= begin_s):
             wanted, count = [], 0
         end_s = math.inf if begin_s is None else begin_s + duration_s
-        is_over = wanted and step.time_s >= end_s
+        is_over = step.time_s >= end_s
         if is_over and step.vehicles and not count:
             raise UserError(
                 f"{reader.path}: has no vehicles from {begin_s:g} s to {end_s:g} s; the first one "

@@ -148,6 +148,9 @@ def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
     assert rows.report.chosen == ["begin: 20 s, not 0 s (perception.begin)"]
     with pytest.raises(UserError, match="no vehicles from 3 s to 8 s; the first one comes at 20 s"):
         read_fcd(path, 3.0, 5.0)
+    late = write_fcd(tmp_path / "b.xml", there)  # its first step lies behind the window
+    with pytest.raises(UserError, match="no vehicles from 0 s to 5 s; the first one comes at 20 s"):
+        read_fcd(late, 0.0, 5.0)
 
 
 @pytest.mark.parametrize(
