@@ -85,9 +85,13 @@ class Replay {
   }
 
   play(isOn) {
-    if (this.playing && !isOn) this.writeAddress(); // not while it plays: browsers bound how often that may be
+    const stops = this.playing && !isOn;
     this.playing = isOn;
     byId("play").textContent = isOn ? "Pause" : "Play";
+    if (stops) {
+      this.render();
+      this.writeAddress(); // not while it plays: browsers bound how often that may be
+    }
     if (!isOn) return;
     if (this.now >= this.run.end_us) this.now = this.run.begin_us;
     this.before = performance.now();
@@ -97,8 +101,8 @@ class Replay {
     if (!this.playing) return;
     const t = this.now + Math.min(time - this.before, 100) * 1000 * Number(byId("speed").value);
     this.before = time;
-    if (t >= this.run.end_us) this.play(false);
     this.moveTo(t);
+    if (t >= this.run.end_us) this.play(false);
     requestAnimationFrame((next) => this.tick(next));
   }
 
@@ -106,12 +110,12 @@ class Replay {
   choose(id, t) {
     const { run, method } = this;
     this.selected = id;
-    this.play(false);
     byId("which-stream").value = run.frames.stream[id];
     byId("which-frame").value = run.frames.number[id];
     byId("story").replaceChildren(...storyOf(run, method, id));
     byId("frame-told").textContent = shortStory(run, method, id);
     this.moveTo(t ?? run.frames.stamp[id] + Math.max(method.rows.first_answer_us[id], 0));
+    this.play(false);
     byId("frame").style.scrollMarginTop = `${byId("frames").offsetHeight}px`;
   }
   chooseByHand(id) {

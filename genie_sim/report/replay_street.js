@@ -82,6 +82,7 @@ class Street {
   }
 
   paint(t) {
+    this.tip.hidden = true; // of what stood here before
     const { run, options } = this,
       { pen, width, height } = prepareCanvas(this.canvas);
     if (this.size !== `${width} ${height}`) this.view = viewOf(run, width, height);

@@ -94,6 +94,7 @@ class Strip {
   }
 
   chooseByKey(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const { frames, streams } = this.run,
       id = Math.max(this.options.selected(), 0),
       place = frames.stream[id];
