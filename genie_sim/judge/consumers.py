@@ -150,8 +150,8 @@ class ConsumerJudge:
             consumer.on_answer(answer, now_ns)
 
     def published(self, image: Image) -> None:
-        """A camera took a frame; the car is judged unless only those of its first camera that
-        its truth tells of count.
+        """A camera took a frame. It is an instant at which its car is judged if the truth has
+        labels of this camera, and if the camera is the car's first, or all count.
         """
         now_ns, stream, car = image.header
         truth = self._truths.get(car)

@@ -268,8 +268,9 @@ def cells_of(
 
 
 def level_text(level: object) -> str:
-    """A value of an axis."""
-    return f"{level:g}" if isinstance(level, float) else str(level)
+    """A value of an axis, in so many digits that no other value has its text."""
+    text = f"{level:g}" if isinstance(level, float) else str(level)
+    return text if not isinstance(level, float) or float(text) == level else str(level)
 
 
 def figure_of_runs(run: "results.Run | SeedRuns", name: str, width_in: float | None) -> "Figure":

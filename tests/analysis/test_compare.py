@@ -292,6 +292,8 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     sweep = Cells(cells_of(table, ["rate"], methods, **about))
     gains = [one.difference for one in compare([sweep]).rows if one.against]
     assert gains == pytest.approx([0.25, 0.25])
+    close = table.assign(rate=np.where(table["rate"] < 0.3, 1e6, 1e6 + 1))
+    assert [*cells_of(close, ["rate"], methods, **about)] == ["rate 1e+06", "rate 1000001.0"]
     again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     made = compare([sweep, again], labels=["a", "b"])
     rows = {one.arm.label: one.difference for one in made.rows if one.against}
