@@ -183,7 +183,7 @@ def test_a_mistake_gets_one_line_and_nothing_is_run(arguments, message, tmp_path
 
 
 def test_a_folder_that_somebody_sent_is_refused_in_one_line(tmp_path):
-    (tmp_path / "sweep.json").write_text('{"format": 6, "sweep": {"axes": {}, "seeds": "../../x"}}')
+    (tmp_path / "sweep.json").write_text('{"format": 7, "sweep": {"axes": {}, "seeds": "../../x"}}')
     with pytest.raises(UserError, match="seeds: missing, or not a list of whole numbers"):
         kinds.load(tmp_path)
     (tmp_path / "sweep.json").write_text("[]")
