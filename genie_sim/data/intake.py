@@ -24,7 +24,6 @@ from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.view import ViewSector
 from genie_sim.data import trace as trace_file
 from genie_sim.data import truth as truth_file
-from genie_sim.data.reader_frames import rounded, rounded_pose
 from genie_sim.data.trace import (
     POSITION_DECIMALS,
     RANGE_M,
@@ -32,6 +31,8 @@ from genie_sim.data.trace import (
     TraceFrame,
     checked,
     feature_facts,
+    rounded,
+    rounded_pose,
     write_trace,
 )
 from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth

@@ -1,19 +1,18 @@
 """Frames and detections as readers of other people's files make them for ``intake.traces``."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 from genie_sim.base.geometry import Array, heading_of, horizontal_fov_rad, transform
 from genie_sim.core.messages import Box, CameraPose, Detection
 from genie_sim.data.trace import (
-    ANGLE_DECIMALS,
     IMAGE_HEADER_BYTES,
     PIXEL_DECIMALS,
     POSITION_DECIMALS,
     SCORE_DECIMALS,
     TraceFrame,
+    rounded,
 )
 
 if TYPE_CHECKING:
@@ -131,19 +130,3 @@ def scan_frame(
         detections=tuple(detections),
         kind="lidar",
     )
-
-
-def rounded_pose(frame: TraceFrame) -> TraceFrame:
-    """The frame with the decimals of its pose and field of view that a trace keeps."""
-    east_m, north_m, up_m = rounded(frame.pose[:3], POSITION_DECIMALS)
-    heading_rad = round(frame.pose.heading_rad, ANGLE_DECIMALS)
-    return replace(
-        frame,
-        pose=CameraPose(east_m, north_m, up_m, heading_rad),
-        horizontal_fov_rad=round(frame.horizontal_fov_rad, ANGLE_DECIMALS),
-    )
-
-
-def rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
-    """As a trace keeps them."""
-    return tuple(round(float(x), decimals) for x in numbers)

@@ -35,8 +35,8 @@ from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
 from genie_sim.data.intake import BEYOND_M, CLOSEST_NS, ImportedCar, traces
-from genie_sim.data.reader_frames import new_detection, rounded_pose, scan_frame
-from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, TraceFrame
+from genie_sim.data.reader_frames import new_detection, scan_frame
+from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, TraceFrame, rounded_pose
 from genie_sim.data.truth import TruthObject
 from genie_sim.data.world_table import SOMEWHERE
 

@@ -17,7 +17,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data import trace as trace_file
-from genie_sim.data.trace import Trace, read_trace, sequence_of, write_trace
+from genie_sim.data.trace import POSITION_DECIMALS, Trace, read_trace, sequence_of, write_trace
 from tests.make import KARLSRUHE, trace, trace_frame
 
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parquet"
@@ -78,7 +78,8 @@ def test_rebased_trace_shows_the_same_places_on_earth():
         ]
         for old_enu, new_enu in places:
             on_earth = pymap3d.enu2geodetic(*old_enu, *KARLSRUHE)
-            assert new_enu == pytest.approx(pymap3d.geodetic2enu(*on_earth, *elsewhere), abs=1e-6)
+            exact = pymap3d.geodetic2enu(*on_earth, *elsewhere)
+            assert new_enu == tuple(round(x, POSITION_DECIMALS) for x in exact)
         assert [d.location for d in new.detections if d.label == "stop sign"] in ([None], [])
     # Seen from 2 km further east, the old north leans to the east: meridians meet at the pole.
     convergence_rad = math.radians(elsewhere[1] - KARLSRUHE[1]) * math.sin(math.radians(49.01))
@@ -89,7 +90,7 @@ def test_rebased_trace_shows_the_same_places_on_earth():
 def test_rebasing_there_and_back_changes_nothing():
     back = trace().rebased((49.02, 8.45, 100.0)).rebased(KARLSRUHE)
     for old, new in zip(trace().frames["02"], back.frames["02"], strict=True):
-        assert new.pose == pytest.approx(old.pose, abs=1e-6)
+        assert new.pose == pytest.approx(old.pose, abs=10**-POSITION_DECIMALS)
     assert trace().rebased(KARLSRUHE) == trace()
 
 
