@@ -168,13 +168,6 @@ def write_told(path: Path, trace: Trace) -> str:
     return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
 
 
-def tell_network(report: ImportReport, detector: Any) -> None:
-    """What was found out about a detector's network, and which of its labels are not used."""
-    report.chosen += getattr(detector, "notes", [])
-    for label, count in getattr(detector, "unused", {}).items():
-        report.leave_label(label, count)
-
-
 def check_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
     """How far away objects are. Raises UserError where most are beyond what a sensor sees."""
     report.span("objects", distances_m, "m away")
@@ -302,7 +295,8 @@ def _check_detections(
         text = f"{doubled:,} of {len(distances_m):,} detections are at the very place of another"
         if doubled > max(FEW, SAME_SHARE * len(distances_m)):
             report.refuse(f"{text} in the same frame: are their places unknown?", detected_in)
-        report.warn(f"{text} in the same frame")
+        else:
+            report.warn(f"{text} in the same frame")
     check_distances(report, distances_m)
     if outside > OUTSIDE_SHARE * len(distances_m):
         report.warn(

@@ -135,6 +135,9 @@ def test_threads_are_of_those_that_take_them(network):
     assert DetectorSettings("tests.data.test_detector:Plain", network).opened().path == network
     with pytest.raises(UserError, match=r"test_detector:Plain.* unexpected .*'threads'"):
         DetectorSettings("tests.data.test_detector:Plain", network, threads=2).opened()
+    for name in ("tests.data.test_detector:Threaded", "yolox_nano"):
+        with pytest.raises(UserError, match=f"detector '{name}': threads 0 must be"):
+            DetectorSettings(name, network, threads=0).opened()
     own = DetectorSettings("tests.data.test_detector:Threaded", network, threads=2).opened()
     assert own.threads == 2 and look(np.zeros((9, 9, 3), np.uint8), own) == ([], {"own": b"ab"})
 

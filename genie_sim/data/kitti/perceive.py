@@ -15,8 +15,8 @@ from genie_sim.base.progress import Progress
 from genie_sim.data.detectors import placement
 from genie_sim.data.detectors.boxes import NMS_IOU
 from genie_sim.data.detectors.detector import DetectorSettings, detector_facts
-from genie_sim.data.detectors.image_detector import ImageDetector
-from genie_sim.data.intake import tell_network, traces
+from genie_sim.data.detectors.image_detector import ImageDetector, tell_network
+from genie_sim.data.intake import traces
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, open_drive
 from genie_sim.data.kitti.pipeline import trace_frames
 from genie_sim.data.trace import Trace

@@ -12,7 +12,7 @@ import cv2
 from genie_sim.base.geometry import Array
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
-from genie_sim.data.detectors.image_detector import ImageDetector, look
+from genie_sim.data.detectors.image_detector import ImageDetector, ThreadedDetector, look
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.encoding import picture_of
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
@@ -46,9 +46,6 @@ def trace_frames(
     detector : what looks
     encoding : of the pictures before the detector sees them
     """
-    workers = 1
-    if hasattr(detector, "threads"):
-        workers = max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
 
     def perceived(of_number: Sequence[CameraFrame]) -> list[TraceFrame]:
         scan = drive.scan(of_number[0].index)
@@ -77,8 +74,15 @@ def trace_frames(
         )
 
     numbers = (tuple(of_number) for _, of_number in groupby(frames, attrgetter("index")))
-    with _one_thread_of_opencv(), ThreadPoolExecutor(workers) as threads:
+    with _one_thread_of_opencv(), ThreadPoolExecutor(_workers(detector)) as threads:
         yield from chain.from_iterable(threads.map(perceived, numbers))
+
+
+def _workers(detector: ImageDetector) -> int:
+    """How many pictures a detector looks at at once."""
+    if not isinstance(detector, ThreadedDetector):
+        return 1
+    return max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
 
 
 @contextmanager
