@@ -14,9 +14,9 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, regular, sha256_of
+from genie_sim.data.kitti.drive_name import ODOMETRY, DriveName
 from genie_sim.data.kitti.layouts import (
     CAMERAS,
-    ODOMETRY,
     Layout,
     numbered,
     odometry_layout,
@@ -154,9 +154,9 @@ def open_drive(
     for camera in cameras:
         if camera not in CAMERAS:
             raise UserError(f"{drive}: {unknown('camera', camera, CAMERAS)}")
-    layout = (odometry_layout if drive.startswith(ODOMETRY) else raw_layout)(
-        root, drive, cameras, origin
-    )
+    name = DriveName.parse(drive)
+    layout_of = odometry_layout if name.part == ODOMETRY else raw_layout
+    layout = layout_of(root, name, cameras, origin)
     pictures = {camera: _pictures(layout.pictures[camera], camera, report) for camera in cameras}
     indices = sorted({index for sequence in pictures.values() for index in sequence})
     scans = numbered(layout.scans, "bin")
@@ -174,7 +174,7 @@ def open_drive(
         paths[index] for paths in (layout.pose_files, scans) for index in used if index in paths
     ]
     return KittiDrive(
-        name=drive,
+        name=str(name),
         attribution=layout.attribution,
         origin=layout.origin,
         frames=frames,
