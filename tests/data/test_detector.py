@@ -170,9 +170,8 @@ def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian(kitti_root):
     from genie_sim.data.kitti.drive import open_drive, read_image
 
     drive = open_drive(kitti_root, f"{DATE}/0005", ["02"])
-    found = (
-        DetectorSettings("yolox_nano").opened().detect(read_image(drive.frames["02"][0].image_path))
-    )
+    picture, _ = read_image(drive.frames["02"][0].image_path)
+    found = DetectorSettings("yolox_nano").opened().detect(picture)
     for label, (x, y) in {"car": (370, 225), "person": (830, 230), "bicycle": (830, 330)}.items():
         assert any(
             f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found

@@ -188,17 +188,13 @@ def open_drive(
     )
 
 
-def read_image(path: Path) -> np.ndarray:
-    """A picture as (height, width, 3) bytes in OpenCV's order blue, green, red. UserError for an
-    unreadable file.
+def read_image(path: Path) -> tuple[np.ndarray, bytes]:
+    """A picture as (height, width, 3) bytes in OpenCV's order blue, green, red, and the bytes of
+    its file. UserError for an unreadable one.
     """
-    return decode_image(path, read_bytes(path))
-
-
-def decode_image(path: Path, data: bytes) -> np.ndarray:
-    """As ``read_image``, of a file whose bytes have been read."""
     import cv2
 
+    data = read_bytes(path)
     # Some versions of OpenCV show the upper half of half a file, so its end is looked at first.
     whole = data.endswith(LAST_BYTES[path.suffix])
     image = None
@@ -207,7 +203,7 @@ def decode_image(path: Path, data: bytes) -> np.ndarray:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise UserError(f"{path}: not a readable image, or cut short ({len(data)} bytes)")
-    return image
+    return image, data
 
 
 def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:
