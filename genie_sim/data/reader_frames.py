@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from genie_sim.data.detectors.placement import Placement
     from genie_sim.data.encoding import Picture
 
+COUNTED = -1  # the number of a frame until ``traces`` counts it
+
 
 def new_detection(
     label: str, score: float, box: Box | None, location: Array | None, *, placed_by: str
@@ -62,7 +64,7 @@ def picture_frame(
     picture: "Picture",
     world_SE3_camera: Array,
     intrinsics: Array,
-    index: int = 0,
+    index: int | None = None,
     detections: Iterable[Detection] = (),
     features: Mapping[str, bytes] = {},
 ) -> TraceFrame:
@@ -74,15 +76,16 @@ def picture_frame(
     picture : what ``picture_of`` gives
     world_SE3_camera : where the camera is, (4, 4)
     intrinsics : of the camera, (3, 3)
+    index : the frame's number in the drive; ``None``: frames are counted, camera by camera
     features : those of the detector's network
-    camera, index, detections : as in ``TraceFrame``
+    camera, detections : as in ``TraceFrame``
     """
     width, height = picture.size
     east_m, north_m, up_m = world_SE3_camera[:3, 3].tolist()
     picture_bytes = width * height * 3 if picture.size_bytes is None else picture.size_bytes
     return TraceFrame(
         camera=camera,
-        index=index,
+        index=COUNTED if index is None else index,
         stamp_ns=stamp_ns,
         width=width,
         height=height,
@@ -118,7 +121,7 @@ def scan_frame(
     digest = hashlib.sha256(key.encode()).hexdigest()
     return TraceFrame(
         camera=camera,
-        index=0,
+        index=COUNTED,
         stamp_ns=stamp_ns,
         width=0,
         height=0,

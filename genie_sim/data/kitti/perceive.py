@@ -100,7 +100,6 @@ def perceive(
         provenance=_provenance(drive, network, detector),
         report=report,
         first_ns=drive.first_stamp_ns,
-        numbered=True,
     )
     return imported[name].trace
 
