@@ -43,6 +43,7 @@ NEAREST_M = 0.5  # what is nearer is the car itself
 SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is
 FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
 CLOSEST_NS = NS_PER_MS  # no sensor takes two frames within less
+SAME_TIME_S = CLOSEST_NS / NS_PER_S / 2  # what differs by less is one instant
 USUAL_MB = (0.001, 100.0)  # one frame
 OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
 
