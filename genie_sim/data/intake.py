@@ -117,8 +117,8 @@ def traces(
         views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
         named = _Car(car, len(frames) > 1)
         ordered = _in_order(named, views, first_ns, report)
-        by_camera = checked(f"{report.path}: {car}", [view.frame for view in ordered])
-        by_car[car] = _with_shared_features(named, by_camera, report)
+        cameras = checked(f"{report.path}: {car}", [view.frame for view in ordered])
+        by_car[car] = _with_shared_features(named, cameras, report)
         objects[car] = [
             (view.frame, truth_row(view.frame, there)) for view in ordered for there in view.there
         ]
@@ -266,9 +266,7 @@ def _check_ways(
     ahead = min(courses, key=lambda name: askew_rad(*courses[name]))
     heading_rad, steps_m, passed_s = courses[ahead]
     heading_deg = np.degrees(heading_rad)
-    report.check_heading(
-        f"{ahead}: the heading", heading_deg, steps_m=steps_m, passed_s=passed_s
-    )
+    report.check_heading(f"{ahead}: the heading", heading_deg, steps_m=steps_m, passed_s=passed_s)
 
 
 def _check_detections(

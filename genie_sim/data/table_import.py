@@ -199,9 +199,7 @@ def cars_of_tables(
         for car, rows in by_car.items():
             times_s = np.array([row.time_s for row in rows])
             of_car = tracks.get(None, tracks.get(car, []))
-            check_covered(
-                car, times_s, of_car, report=report, path=tables["truth"].path
-            )
+            check_covered(car, times_s, of_car, report=report, path=tables["truth"].path)
             there[car] = in_view(frames[car], times_s, of_car, sensor.range_m)
     return traces(
         frames,

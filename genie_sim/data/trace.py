@@ -121,8 +121,8 @@ class Trace(Drive):
         return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "Trace":
-        """The same trace around another geodetic origin, with the decimals of any trace; drives with
-        one origin share one world.
+        """The same trace around another geodetic origin, with the decimals that a trace keeps;
+        drives with one origin share one world.
         """
         if origin == self.origin:
             return self
@@ -136,7 +136,8 @@ class Trace(Drive):
         def moved(frame: TraceFrame) -> TraceFrame:
             heading_rad = frame.pose.heading_rad
             ahead = new_SE3_old[:3, :3] @ [math.cos(heading_rad), math.sin(heading_rad), 0.0]
-            pose = CameraPose(*transform(new_SE3_old, frame.pose[:3]), heading_of(ahead))
+            east_m, north_m, up_m = transform(new_SE3_old, frame.pose[:3]).tolist()
+            pose = CameraPose(east_m, north_m, up_m, heading_of(ahead))
             detections = tuple(
                 d if d.location is None else replace(d, location=place(d.location))
                 for d in frame.detections
@@ -154,10 +155,10 @@ def rounded(numbers: Iterable[float], decimals: int) -> tuple[Any, ...]:
 
 def rounded_pose(frame: TraceFrame) -> TraceFrame:
     """The frame with the decimals of its pose and field of view that a trace keeps."""
-    heading_rad, fov_rad = rounded(
-        (frame.pose.heading_rad, frame.horizontal_fov_rad), ANGLE_DECIMALS
-    )
-    pose = CameraPose(*rounded(frame.pose[:3], POSITION_DECIMALS), heading_rad)
+    east_m, north_m, up_m = rounded(frame.pose[:3], POSITION_DECIMALS)
+    angles_rad = frame.pose.heading_rad, frame.horizontal_fov_rad
+    heading_rad, fov_rad = rounded(angles_rad, ANGLE_DECIMALS)
+    pose = CameraPose(east_m, north_m, up_m, heading_rad)
     return replace(frame, pose=pose, horizontal_fov_rad=fov_rad)
 
 

@@ -109,9 +109,7 @@ class TruthTable:
         new_SE3_old = enu_SE3_enu(origin, self.origin)
         rows = []
         for row in self.rows:
-            east_m, north_m, up_m = rounded(
-                transform(new_SE3_old, row.location), POSITION_DECIMALS
-            )
+            east_m, north_m, up_m = rounded(transform(new_SE3_old, row.location), POSITION_DECIMALS)
             rows.append(row._replace(east_m=east_m, north_m=north_m, up_m=up_m))
         return replace(self, origin=origin, rows=tuple(rows))
 

@@ -41,6 +41,11 @@ def with_metadata(**changes):
     return change
 
 
+def with_car(**changes):
+    """One frame in which a car was found."""
+    return (trace_frame(detections=(replace(Detection("car", 0.5, None, None, 0.5), **changes),)),)
+
+
 def test_what_is_written_is_read(path):
     write_trace(path, trace())
     assert read_trace(path) == trace()
@@ -199,31 +204,12 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
         ((trace_frame(stamp_ns=-1),), "stamp_ns"),
         ((trace_frame(width=0),), "width"),
         ((trace_frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
-        (
-            (trace_frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),),
-            "car",
-        ),
-        (
-            (
-                trace_frame(
-                    detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)
-                ),
-            ),
-            "car",
-        ),
-        ((trace_frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
-        (
-            (trace_frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
-            "must be texts, and numbers in range",
-        ),
-        (
-            (trace_frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
-            "must be texts",
-        ),
-        (
-            (trace_frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),),
-            "must be texts, and numbers in range",
-        ),
+        (with_car(score=1.2), "a car of score 1.2; must be from 0 to 1"),
+        (with_car(box=(0.0, 0.0, math.inf, 1.0)), "must be texts, and numbers in range"),
+        (with_car(location=(1e308, 0.0, 0.0)), "must be texts, and numbers in range"),
+        (with_car(score=None), "must be texts, and numbers in range"),
+        (with_car(label=None), "must be texts, and numbers in range"),
+        (with_car(box=(0.0, None, 1.0, 1.0)), "must be texts, and numbers in range"),
     ],
 )
 def test_a_trace_with_impossible_frames_is_refused(path, frames, message):
@@ -240,9 +226,7 @@ def test_parameters_that_are_no_mapping_are_refused(path):
 
 
 def test_a_detection_may_have_no_box(path):
-    boxless = trace(
-        **{"02": (trace_frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)}
-    )
+    boxless = trace(**{"02": with_car(location=(1.0, 2.0, 3.0))})
     write_trace(path, boxless)
     assert read_trace(path).frames == boxless.frames
 

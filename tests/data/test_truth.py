@@ -113,7 +113,9 @@ def test_one_trace_has_one_truth(trace, tmp_path):
 @pytest.mark.parametrize("drive", ["0009", "../x/0009", "tracking/../0000", "2011_09_26/5", 5])
 def test_what_is_no_name_of_a_drive_tells_which_kinds_there_are(trace, tmp_path, drive):
     for read in (lambda: make_truth(tmp_path, drive, trace), lambda: open_drive(tmp_path, drive)):
-        with pytest.raises(UserError, match=rf"^drive '?{drive}'?: must be a raw .* odometry/05 or"):
+        with pytest.raises(
+            UserError, match=rf"^drive '?{drive}'?: must be a raw .* odometry/05 or"
+        ):
             read()
 
 

@@ -31,9 +31,9 @@ PictureKey = tuple[str, int]  # camera and frame number
 
 
 class ObjectLabel(NamedTuple):
-    """One label in one picture. ``group``: what a detector finds there, ``anything`` in an area such
-    as ``DontCare``. ``counts``: in KITTI's benchmark. ``centre`` is in the trace's world, ``None``
-    for an area that is no object.
+    """One label in one picture. ``group``: what a detector finds there, ``anything`` in an area
+    such as ``DontCare``. ``counts``: in KITTI's benchmark. ``centre`` is in the trace's world,
+    ``None`` for an area that is no object.
     """
 
     track: int
