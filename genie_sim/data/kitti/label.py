@@ -33,7 +33,7 @@ PictureKey = tuple[str, int]  # camera and frame number
 class ObjectLabel(NamedTuple):
     """One label in one picture. ``group``: what a detector finds there, ``anything`` in an area
     such as ``DontCare``. ``counts``: in KITTI's benchmark. ``centre`` is in the trace's world,
-    ``None`` for an area that is no object.
+    ``None`` for what is no object. ``is_area``: all that lies inside its box is ignored.
     """
 
     track: int
@@ -41,6 +41,7 @@ class ObjectLabel(NamedTuple):
     box: Box
     counts: bool
     centre: Location | None
+    is_area: bool = False
 
 
 def object_label(
@@ -48,9 +49,10 @@ def object_label(
 ) -> ObjectLabel:
     """What a label counts for in KITTI's benchmark, by KITTI's type and codes."""
     if kind not in GROUP_OF:
-        return ObjectLabel(track, "anything", box, counts=False, centre=None)
+        return ObjectLabel(track, "anything", box, counts=False, centre=None, is_area=True)
     high_enough = box[3] - box[1] >= MIN_HEIGHT_PX
     counts = high_enough and truncation in (0, 1) and occlusion in (0, 1, 2)
     east_m, north_m, up_m = centre.tolist()
+    is_area = kind in IGNORED
     place = (east_m, north_m, up_m)
-    return ObjectLabel(track, GROUP_OF[kind], box, counts and kind not in IGNORED, place)
+    return ObjectLabel(track, GROUP_OF[kind], box, counts and not is_area, place, is_area)
