@@ -16,6 +16,7 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
+from genie_sim.worlds.scene.kept_words import TRAFFIC_DRAWS
 from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene, SceneDrives
 from genie_sim.worlds.traffic.fcd import VehicleRows
@@ -39,16 +40,16 @@ class Traffic(Scene):
     """Vehicles as a scene for cameras. Its clock begins where the simulation does, and ends at
     ``end_s``.
 
-    ``digest`` is of the rows of the file that were read, when the clock begins, how far a camera
-    looks, what the vehicles are, the seed and the detector's laws.
+    ``digest`` is of the rows of the file that were read, when the clock begins, how far a
+    detector looks, what the vehicles are, the seed and the detector's laws.
     """
 
-    name, random_name, origin = "traffic", "traffic", SOMEWHERE
+    name, random_name, origin = "traffic", TRAFFIC_DRAWS, SOMEWHERE
 
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
     ) -> None:
-        super().__init__(seed, settings.view_m)
+        super().__init__(seed, settings.view_m, settings.range_m)
         self.settings, self.path, self.report = settings, path, rows.report
         begin_s = rows.times_s.item(0)
         if settings.begin_ns is not None:
@@ -75,7 +76,7 @@ class Traffic(Scene):
 
     @functools.cached_property
     def visibility(self) -> TrafficView:
-        return TrafficView(self.vehicles, self.objects, self.view_m)
+        return TrafficView(self.vehicles, self.objects, self.sight_m)
 
     def warn(self) -> None:
         """Logs what was not read as it stands in the file."""

@@ -168,7 +168,9 @@ def seen(folder, others, types=None, *, view_m=60.0, heading=0.0, t_s=0.0):
 
 def seen_in(path, *, view_m=60.0, heading=0.0, t_s=0.0):
     """Which of the vehicles in a file a camera at (0, 0) sees."""
-    source = FRAME_SOURCE.make(Choice("traffic", {"fcd": str(path), "view_m": view_m}))
+    source = FRAME_SOURCE.make(
+        Choice("traffic", {"fcd": str(path), "view_m": view_m, "range_m": view_m})
+    )
     traffic = source.open(1, None).scene
     poses = ViewPoses._make(
         np.array([column])
