@@ -18,7 +18,7 @@ from genie_sim.worlds.town.rules import TownRules
         ({"blocks": [1, 100]}, {"blocks": [0, 1]}, "blocks[0]: must be from 1 to 100, not 0"),
         ({"view": "100 m"}, {"view": "100.5 m"}, "view: must be more than 0 m and at most 100 m"),
         ({"block": "10 km"}, {"block": "11 km"}, "block: must be at most 10000 m, but is '11 km'"),
-        ({}, {"blocks": [100, 100], "block": "10 km"}, "blocks: make about 39,996,000 objects on"),
+        ({}, {"blocks": [100, 100], "block": "10 km"}, "blocks: make about 39,996,000 objects"),
         ({}, {"speed_mps": 0}, "speed_mps: must be more than 0 and at most 100, not 0"),
         ({}, {"main_speed_mps": 1e200}, "main_speed_mps: must be more than 0 and at most 100"),
         ({}, {"braking_mps2": 1e-310}, "braking_mps2: must be from 0.01 to 100, not 1e-310"),
