@@ -181,13 +181,13 @@ def test_every_stream_is_judged_where_it_looks_if_all_are():
             header = Header(number * S // 10, stream, "car1")
             judge.published(Image(header, 1000, "", 0, pose, 1.4, Frame([there])))
             if number == 0:
-                answer = [seen(20.5), seen(0.0, 30.0)] if stream == "east" else []
+                answer = [seen(20.5), seen(0.0, 30.0)] if stream == "east" else [seen(0.0, 35.0)]
                 judge.answered(Detections(header, tuple(answer)), header.stamp_ns)
     judge.close()
     rows = table.to_frame()
     counts = rows[["held", "right", "visible_static"]].to_numpy().tolist()
-    assert counts[2:] == [[1, 1, 1], [1, 0, 1]] * 2, (
-        "the ghost in the north is in the second's view"
+    assert counts[2:] == [[1, 1, 1], [2, 0, 1]] * 2, (
+        "the ghosts in the north are in the second's view"
     )
     spans = objects.to_frame()
     missed = spans[(spans["judged"] == "missed") & spans["end_ns"].isna()]

@@ -36,7 +36,7 @@ def seeds_of(folder: Path) -> SeedRuns:
 
 def test_every_seed_has_its_results_and_the_folder_page_and_figures(folder, capsys):
     for seed in (2, 5, 9):
-        assert {"run.json", "frames.parquet", "report.html"} <= {
+        assert {"run.json", "frames.parquet", "summary.md", "report.html"} <= {
             path.name for path in (folder / "runs" / f"seed-{seed}").iterdir()
         }
     assert main(["rerun", str(folder / "runs" / "seed-5")]) == 0
