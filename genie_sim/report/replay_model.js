@@ -98,12 +98,15 @@ function byFrame(ids) {
   return rows;
 }
 
-// What consumers hold or miss at `t`, judged by what is there: the rows that are open then.
+// What consumers hold or miss at `t`, judged by what is there: the rows that are open then. What several cameras of a
+// car see has a row for each, and counts once.
 function heldObjectsAt(run, { heldObjects: rows }, t) {
-  const open = [];
+  const open = new Map();
   for (let row = 0, last = lastUpTo(rows.begin, t); row <= last; row += 1) {
     if (rows.took_us[row] >= 0 && t >= rows.begin[row] + rows.took_us[row]) continue;
-    open.push({
+    const key = ["car", "label", "judged", "east_cm", "north_cm"].map((name) => rows[name][row]).join();
+    if (open.has(key)) continue;
+    open.set(key, {
       car: run.names[rows.car[row]],
       label: run.names[rows.label[row]],
       judged: run.names[rows.judged[row]],
@@ -112,7 +115,7 @@ function heldObjectsAt(run, { heldObjects: rows }, t) {
       north: rows.north_cm[row] / 100,
     });
   }
-  return open;
+  return [...open.values()];
 }
 const GHOSTS = {
   moved_away: "it was there in the last 10 s",

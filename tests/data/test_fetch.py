@@ -174,7 +174,8 @@ def test_without_a_network_one_line_says_what_to_do(server, nano, tmp_path):
     [
         ("modell", "x", "kind of thing to fetch 'modell' (did you mean 'model'?)"),
         ("model", "yolox-nan", "unknown model 'yolox-nan' (did you mean 'yolox-nano'?)"),
-        ("drive", "../../etc", "expected a name like 2011_09_26_drive_0005"),
+        ("drive", "../../etc", "drive '../../etc': must be a raw drive"),
+        ("drive", "odometry/05", "drive 'odometry/05': only raw drives"),
     ],
 )
 def test_unknown_names_are_refused_before_the_network(run_cli, what, name, message):
@@ -202,7 +203,7 @@ def drive(server):
 
 
 def test_a_drive_is_unpacked_into_kitti_s_layout(drive, tmp_path):
-    root = fetch.fetch_drive(DRIVE, tmp_path / "kitti", quiet, drive.base)
+    root = fetch.fetch_drive("2011_09_26/0005", tmp_path / "kitti", quiet, drive.base)
     files = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
     assert files == [
         "2011_09_26/2011_09_26_drive_0005_sync/oxts/data/0000000000.txt",
