@@ -74,23 +74,6 @@ def differences(
     return table.assign(negligible=table["value"].abs() < NEGLIGIBLE * compared_with.abs())
 
 
-def all_differences(
-    runs: "pd.DataFrame", columns: Sequence[str], crossed: Sequence[str]
-) -> "pd.DataFrame":
-    """Paired differences of methods from the first method, and along each ``crossed`` column from
-    its first value: ``along`` and ``against`` say which.
-    """
-    import pandas as pd
-
-    differences_along = []
-    for along in ("method", *crossed):
-        first = runs[along].dropna().iloc[0]
-        differences_along.append(
-            differences(runs, columns, along, first).assign(along=along, against=str(first))
-        )
-    return pd.concat(differences_along, ignore_index=True)
-
-
 def write_parquet(table: "pd.DataFrame", path: Path, about: bytes) -> None:
     """``about`` is what the file says of itself. Raises ``UserError``."""
     import pyarrow as pa
