@@ -29,7 +29,6 @@ def of_run(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" =
         notes: list[str] = []
         replay = replay_data(run, start_ns, notes)
         main = summary.main_table(run)
-        several = len(run.methods) > 1
         description = str(run.facts["scenario"]["description"])
         return Page(
             kind="one run",
@@ -37,9 +36,7 @@ def of_run(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" =
             title=f"{run.title}, run {run.run_id}",
             about=[*filter(None, [description]), f"{screen.header(run)}."],
             sections=[
-                Section(
-                    "In short", [template.listed(verdicts(compared([run])) if several else [])]
-                ),
+                Section("In short", [template.listed(verdicts(compared([run])))]),
                 Section("Results", [template.table(main), template.note(summary.ABOUT_INTERVALS)]),
                 Section("Figures", [template.figures(_shown(run, style.RUN, drawn))]),
                 # its title makes the id that replay.js scrolls to
