@@ -113,6 +113,7 @@ def genie_sim(*arguments: str) -> Spent:
     """Runs ``genie-sim`` in a folder of its own. Raises ``UserError`` if it fails."""
     command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "genie_sim", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # as installed: compiled once
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as said:
         measured = subprocess.run(
             command,

@@ -157,8 +157,12 @@ from genie_sim.data.detectors.detector import (
     detector_facts as detector_facts,
 )
 from genie_sim.data.detectors.image_detector import (
+    FeatureDetector as FeatureDetector,
     ImageDetector as ImageDetector,
+    TellingDetector as TellingDetector,
+    ThreadedDetector as ThreadedDetector,
     look as look,
+    tell_network as tell_network,
 )
 from genie_sim.data.detectors.placement import (
     Placement as Placement,
@@ -186,7 +190,6 @@ from genie_sim.data.intake import (
     ImportedCar as ImportedCar,
     traces as traces,
     write_cars as write_cars,
-    tell_network as tell_network,
     write_told as write_told,
 )
 from genie_sim.data.reader_frames import (

@@ -19,9 +19,8 @@ def verdicts(comparison: ComparedRuns) -> list[str]:
             for row in comparison.rows
             if row.arm is arm and row.difference is not None
         }
-        headlines = [rows[name] for name in shown(HEADLINE, rows)]
-        if headlines and arm.against is not None:
-            sentences.append(_sentence(arm, arm.against, headlines))
+        if headlines := [rows[name] for name in shown(HEADLINE, rows)]:
+            sentences.append(_sentence(arm, headlines))
     return sentences
 
 
@@ -36,15 +35,20 @@ PHRASES = {  # of a verdict: how a part of the sentence begins, and what stands 
 }
 
 
-def _sentence(arm: Arm, reference: Arm, rows: Sequence[Difference]) -> str:
+def _sentence(arm: Arm, rows: Sequence[Difference]) -> str:
     parts: list[str] = []
+    named = None  # the arm that the sentence has named last
     for verdict, (begin, before) in PHRASES.items():
         of_kind = [row for row in rows if row.verdict == verdict]
-        if of_kind:
-            to = "" if parts else f" {before} {reference.title}"
-            titles = [row.about.title for row in of_kind]
-            listed = _joined(titles) if verdict == "equal" else _listed(of_kind)
+        for reference in dict.fromkeys(row.against for row in of_kind if row.against is not None):
+            alike = [row for row in of_kind if row.against is reference]
+            to = "" if reference is named else f" {before} {reference.title}"
+            titles = [row.about.title for row in alike]
+            listed = _joined(titles) if verdict == "equal" else _listed(alike)
             parts.append(f"{begin}{to} in {listed}")
+            named = reference
+    if len(arm.against) > 1:
+        parts.append("each against the best baseline")
     sure = next((row for row in rows if row.low is not None and row.verdict != "equal"), None)
     if sure is not None:
         parts.append(f"95 % intervals of paired differences, over {sure.n} {sure.by}")

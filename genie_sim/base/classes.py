@@ -13,7 +13,7 @@ CANONICAL = {label: group[0] for group in GROUPS.values() for label in group}
 # and OXTS's own errors; a slow walk is 1 m/s.
 # What moves, as the truth tells it: a labelled track of KITTI that is faster over all its time
 # (``data.kitti.drive_truth``), an object of tables that is faster over the second around that time
-# (``data.table_import``), and in towns and traffic what is faster at that instant.
+# (``data.truth_tracks``), and in towns and traffic what is faster at that instant.
 MOVING_MPS = 0.5
 
 

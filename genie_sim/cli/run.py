@@ -145,9 +145,6 @@ def print_results(
 
         for sentence in verdicts(compared([result], metrics=rows or ())):
             click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
-        if len(result.runs) > 1 and len(result.methods) > 2:
-            others = ",".join(method.name for method in result.methods[1:])
-            click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
     click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
     if page:

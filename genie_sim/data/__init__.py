@@ -2,7 +2,8 @@
 
 - A *reader* (``kitti.perceive``, ``table_import``, and that of bags in genie-sim-ros) finds when
   and from where each frame was taken and what was detected in it (``reader_frames``); where there
-  are pictures and scans, with ``detectors`` and ``detectors.placement``.
+  are pictures and scans, with ``detectors`` and ``detectors.placement``. What objects did between
+  the rows of a table of truth, ``truth_tracks`` tells.
 - All of them hand that to ``intake.traces``, the gate: it alone orders, numbers, checks and rounds,
   and gives each car a ``trace.Trace`` and, where it is known what was there, a
   ``truth.TruthTable``. (KITTI's labels come to a trace later: ``kitti.drive_truth``.)

@@ -6,7 +6,6 @@ The only module that touches the network. pooch comes with the extra ``fetch``.
 
 import filecmp
 import logging
-import re
 import stat
 import struct
 import zipfile
@@ -18,6 +17,7 @@ from tempfile import TemporaryDirectory
 from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.paths import sha256_of, usable
 from genie_sim.base.progress import Progress
+from genie_sim.data.kitti.drive_name import DriveName
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,6 @@ MODELS = {
 # KITTI publishes no hashes of its archives; the name of a drive is checked, and what is in the
 # archive.
 KITTI = "https://s3.eu-central-1.amazonaws.com/avg-kitti/raw_data"
-DRIVE = re.compile(r"(\d{4}_\d{2}_\d{2})_drive_(\d{4})")
 
 
 def fetch_model(name: str, folder: Path, progress: Progress, base: str = YOLOX) -> Path:
@@ -61,16 +60,15 @@ def fetch_drive(drive: str, folder: Path, progress: Progress, base: str = KITTI)
 
     Returns KITTI's root folder, for ``--kitti``. The archives are not kept.
     """
-    match = DRIVE.fullmatch(drive.removesuffix("_sync"))
-    if match is None:
-        raise UserError(f"drive {drive!r}: expected a name like 2011_09_26_drive_0005")
-    date, name = match[1], match[0]
+    name = DriveName.parse(drive)
+    if not name.is_raw:
+        raise UserError(f"drive {drive!r}: only raw drives are fetched, such as 2011_09_26/0005")
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for file, is_needed in (
-        (f"{date}_calib.zip", True),
-        (f"{name}/{name}_tracklets.zip", False),
-        (f"{name}/{name}_sync.zip", True),
+        (f"{name.part}_calib.zip", True),
+        (f"{name.raw}/{name.raw}_tracklets.zip", False),
+        (f"{name.raw}/{name.raw}_sync.zip", True),
     ):
         with usable(folder), TemporaryDirectory(dir=folder, suffix=".part") as received:
             try:

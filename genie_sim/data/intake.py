@@ -24,7 +24,7 @@ from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.view import ViewSector
 from genie_sim.data import trace as trace_file
 from genie_sim.data import truth as truth_file
-from genie_sim.data.reader_frames import rounded, rounded_pose
+from genie_sim.data.reader_frames import COUNTED
 from genie_sim.data.trace import (
     POSITION_DECIMALS,
     RANGE_M,
@@ -32,6 +32,8 @@ from genie_sim.data.trace import (
     TraceFrame,
     checked,
     feature_facts,
+    rounded,
+    rounded_pose,
     write_trace,
 )
 from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth
@@ -41,6 +43,7 @@ NEAREST_M = 0.5  # what is nearer is the car itself
 SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is
 FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
 CLOSEST_NS = NS_PER_MS  # no sensor takes two frames within less
+SAME_TIME_S = CLOSEST_NS / NS_PER_S / 2  # what differs by less is one instant
 USUAL_MB = (0.001, 100.0)  # one frame
 OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
 
@@ -50,6 +53,17 @@ class _View(NamedTuple):
 
     frame: TraceFrame
     there: Sequence[TruthObject]
+
+
+class _Car(NamedTuple):
+    """A car of an import, and whether there are others."""
+
+    name: str
+    is_one_of_several: bool
+
+    def camera(self, name: str) -> str:
+        """What one of its cameras is called in the report."""
+        return f"{self.name} {name}" if self.is_one_of_several else name
 
 
 class ImportedCar(NamedTuple):
@@ -67,7 +81,6 @@ def traces(
     report: ImportReport,
     truth: Mapping[str, Sequence[Sequence[TruthObject]]] = {},
     first_ns: int | None = None,
-    numbered: bool = False,
     sequence: str | None = None,
     range_m: float = RANGE_M,
     detected_in: Path | None = None,
@@ -86,7 +99,6 @@ def traces(
     truth : of the cars of which it is known what was there: the objects in view of each frame, in
         the order of ``frames``
     first_ns : when the traces begin on that clock; ``None``: with the first frame of any car
-    numbered : whether frames have numbers; otherwise they are counted, camera by camera
     sequence : as in ``Trace``
     range_m : up to which objects are judged
     detected_in, truth_in : the files that detections and truth stand in, if they are others than
@@ -103,14 +115,14 @@ def traces(
             counts = f"{len(of_frames):,} frames, but there are {len(of_car):,}"
             raise UserError(f"{report.path}: truth: has the objects of {car} in {counts}")
         views = [_View(*pair) for pair in zip(of_car, of_frames, strict=True)]
-        ordered = _in_order(views, first_ns, numbered, report)
-        by_car[car] = _with_shared_features(
-            checked(report.path, [view.frame for view in ordered]), report
-        )
+        named = _Car(car, len(frames) > 1)
+        ordered = _in_order(named, views, first_ns, report)
+        cameras = checked(f"{report.path}: {car}", [view.frame for view in ordered])
+        by_car[car] = _with_shared_features(named, cameras, report)
         objects[car] = [
             (view.frame, truth_row(view.frame, there)) for view in ordered for there in view.there
         ]
-        _check_ways(car, by_car[car], first_ns, report)
+        _check_ways(named, by_car[car], first_ns, report)
     _check_detections(by_car, report, range_m, detected_in)
     if truth:
         truth_file.check_range(report.path, range_m)
@@ -118,7 +130,7 @@ def traces(
     import_facts = {"import": report.facts()}
     imported = {}
     for car, by_camera in by_car.items():
-        features = feature_facts(report.path, by_camera)
+        features = feature_facts(f"{report.path}: {car}", by_camera)
         about = {**provenance, **({"features": features} if features else {}), **import_facts}
         if len(by_car) > 1:
             about["car"] = car
@@ -167,13 +179,6 @@ def write_told(path: Path, trace: Trace) -> str:
     return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
 
 
-def tell_network(report: ImportReport, detector: Any) -> None:
-    """What was found out about a detector's network, and which of its labels are not used."""
-    report.chosen += getattr(detector, "notes", [])
-    for label, count in getattr(detector, "unused", {}).items():
-        report.leave_label(label, count)
-
-
 def check_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
     """How far away objects are. Raises UserError where most are beyond what a sensor sees."""
     report.span("objects", distances_m, "m away")
@@ -186,10 +191,10 @@ def check_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
 
 
 def _in_order(
-    views: Sequence[_View], first_ns: int, numbered: bool, report: ImportReport
+    car: _Car, views: Sequence[_View], first_ns: int, report: ImportReport
 ) -> list[_View]:
-    """The frames, camera by camera in order of time, with numbers, and stamps from ``first_ns``
-    on.
+    """The frames of a car, camera by camera in order of time, with numbers, and stamps from
+    ``first_ns`` on.
     """
     by_camera: dict[str, list[_View]] = {}
     for view in views:
@@ -197,27 +202,32 @@ def _in_order(
     ordered = []
     for camera, of_camera in sorted(by_camera.items()):
         spaced: list[_View] = []
-        for frame, there in report.in_order(camera, of_camera, key=lambda view: view[0].stamp_ns):
+        name = car.camera(camera)
+        for frame, there in report.in_order(name, of_camera, key=lambda view: view[0].stamp_ns):
             stamp_ns = frame.stamp_ns - first_ns
             if not spaced or stamp_ns - spaced[-1].frame.stamp_ns >= CLOSEST_NS:
-                index = frame.index if numbered else len(spaced)
+                index = len(spaced) if frame.index == COUNTED else frame.index
                 spaced.append(_View(replace(frame, index=index, stamp_ns=stamp_ns), there))
         report.check_dropped(
-            f"frames of {camera}", len(spaced), len(of_camera), "within a millisecond of another"
+            f"frames of {name}", len(spaced), len(of_camera), "within a millisecond of another"
         )
         ordered += spaced
     return ordered
 
 
 def _with_shared_features(
-    cameras: Mapping[str, Sequence[TraceFrame]], report: ImportReport
+    car: _Car, cameras: Mapping[str, Sequence[TraceFrame]], report: ImportReport
 ) -> dict[str, Sequence[TraceFrame]]:
-    """The frames with those features that all cameras have: a lidar, say, has none."""
-    names = {camera: {n for frame in of for n in frame.features} for camera, of in cameras.items()}
+    """The frames with those features that all cameras of a car have: a lidar, say, has none."""
+    names = {
+        camera: {name for frame in frames for name in frame.features}
+        for camera, frames in cameras.items()
+    }
     shared, kept = set.intersection(*names.values()), dict(cameras)
     for camera, frames in cameras.items():
         for name in sorted(names[camera] - shared):
-            report.leave_out(f"features {name!r} of {camera}, which another has not", len(frames))
+            why = f"features {name!r} of {car.camera(camera)}, which another has not"
+            report.leave_out(why, len(frames))
             kept[camera] = [
                 replace(
                     frame, features={n: frame.features[n] for n in frame.features if n in shared}
@@ -228,14 +238,14 @@ def _with_shared_features(
 
 
 def _check_ways(
-    car: str, cameras: Mapping[str, Sequence[TraceFrame]], first_ns: int, report: ImportReport
+    car: _Car, cameras: Mapping[str, Sequence[TraceFrame]], first_ns: int, report: ImportReport
 ) -> None:
     """When and where each camera was, and whether one of them looks where the car drives."""
     courses: dict[str, tuple[Array, Array, Array]] = {}
     for camera, frames in cameras.items():
         pictured = [frame for frame in frames if frame.kind == "camera"]
-        name = camera if pictured else car
-        report.read(f"images of {camera}" if pictured else "poses", len(frames))
+        name = car.camera(camera) if pictured or len(cameras) > 1 else car.name
+        report.read(f"images of {name}" if pictured else "poses", len(frames))
         times_s = np.array([frame.stamp_ns for frame in frames]) / NS_PER_S
         poses = np.array([frame.pose for frame in frames])
         report.span("times", times_s[[0, -1]] + first_ns / NS_PER_S, "s")
@@ -255,12 +265,8 @@ def _check_ways(
     # of several cameras some look aside
     ahead = min(courses, key=lambda name: askew_rad(*courses[name]))
     heading_rad, steps_m, passed_s = courses[ahead]
-    report.check_heading(
-        f"{ahead}: the heading",
-        np.degrees(heading_rad),
-        steps_m=steps_m,
-        passed_s=passed_s,
-    )
+    heading_deg = np.degrees(heading_rad)
+    report.check_heading(f"{ahead}: the heading", heading_deg, steps_m=steps_m, passed_s=passed_s)
 
 
 def _check_detections(
@@ -301,7 +307,8 @@ def _check_detections(
         text = f"{doubled:,} of {len(distances_m):,} detections are at the very place of another"
         if doubled > max(FEW, SAME_SHARE * len(distances_m)):
             report.refuse(f"{text} in the same frame: are their places unknown?", detected_in)
-        report.warn(f"{text} in the same frame")
+        else:
+            report.warn(f"{text} in the same frame")
     check_distances(report, distances_m)
     if outside > OUTSIDE_SHARE * len(distances_m):
         report.warn(

@@ -1,25 +1,26 @@
 """Frames and detections as readers of other people's files make them for ``intake.traces``."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 from genie_sim.base.geometry import Array, heading_of, horizontal_fov_rad, transform
 from genie_sim.core.messages import Box, CameraPose, Detection
 from genie_sim.data.trace import (
-    ANGLE_DECIMALS,
     IMAGE_HEADER_BYTES,
     PIXEL_DECIMALS,
     POSITION_DECIMALS,
     SCORE_DECIMALS,
     TraceFrame,
+    rounded,
 )
 
 if TYPE_CHECKING:
     from genie_sim.data.detectors.boxes import DetectedBox
     from genie_sim.data.detectors.placement import Placement
     from genie_sim.data.encoding import Picture
+
+COUNTED = -1  # the number of a frame until ``traces`` counts it
 
 
 def new_detection(
@@ -63,7 +64,7 @@ def picture_frame(
     picture: "Picture",
     world_SE3_camera: Array,
     intrinsics: Array,
-    index: int = 0,
+    index: int | None = None,
     detections: Iterable[Detection] = (),
     features: Mapping[str, bytes] = {},
 ) -> TraceFrame:
@@ -75,15 +76,16 @@ def picture_frame(
     picture : what ``picture_of`` gives
     world_SE3_camera : where the camera is, (4, 4)
     intrinsics : of the camera, (3, 3)
+    index : the frame's number in the drive; ``None``: frames are counted, camera by camera
     features : those of the detector's network
-    camera, index, detections : as in ``TraceFrame``
+    camera, detections : as in ``TraceFrame``
     """
     width, height = picture.size
     east_m, north_m, up_m = world_SE3_camera[:3, 3].tolist()
     picture_bytes = width * height * 3 if picture.size_bytes is None else picture.size_bytes
     return TraceFrame(
         camera=camera,
-        index=index,
+        index=COUNTED if index is None else index,
         stamp_ns=stamp_ns,
         width=width,
         height=height,
@@ -119,7 +121,7 @@ def scan_frame(
     digest = hashlib.sha256(key.encode()).hexdigest()
     return TraceFrame(
         camera=camera,
-        index=0,
+        index=COUNTED,
         stamp_ns=stamp_ns,
         width=0,
         height=0,
@@ -131,19 +133,3 @@ def scan_frame(
         detections=tuple(detections),
         kind="lidar",
     )
-
-
-def rounded_pose(frame: TraceFrame) -> TraceFrame:
-    """The frame with the decimals of its pose and field of view that a trace keeps."""
-    east_m, north_m, up_m = rounded(frame.pose[:3], POSITION_DECIMALS)
-    heading_rad = round(frame.pose.heading_rad, ANGLE_DECIMALS)
-    return replace(
-        frame,
-        pose=CameraPose(east_m, north_m, up_m, heading_rad),
-        horizontal_fov_rad=round(frame.horizontal_fov_rad, ANGLE_DECIMALS),
-    )
-
-
-def rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
-    """As a trace keeps them."""
-    return tuple(round(float(x), decimals) for x in numbers)

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, Union
 
 import numpy as np
 
-from genie_sim.base.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
+from genie_sim.base.classes import CANONICAL, NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.tables import (
@@ -33,11 +33,10 @@ from genie_sim.base.tables import (
 )
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
-from genie_sim.core.view import ViewSector
-from genie_sim.data.intake import BEYOND_M, CLOSEST_NS, ImportedCar, traces
-from genie_sim.data.reader_frames import new_detection, rounded_pose, scan_frame
-from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, TraceFrame
-from genie_sim.data.truth import TruthObject
+from genie_sim.data.intake import CLOSEST_NS, SAME_TIME_S, ImportedCar, traces
+from genie_sim.data.reader_frames import new_detection, scan_frame
+from genie_sim.data.trace import RANGE_M
+from genie_sim.data.truth_tracks import ObjectRow, TruthTrack, check_covered, in_view
 from genie_sim.data.world_table import SOMEWHERE
 
 if TYPE_CHECKING:
@@ -46,11 +45,7 @@ if TYPE_CHECKING:
 Table: TypeAlias = Union[str, Path, "pandas.DataFrame"]
 SENSOR = "sensor"  # what the one sensor of every car is called
 ONLY_CAR = "car1"  # of tables without a column car
-SAME_TIME_S = CLOSEST_NS / NS_PER_S / 2  # what differs by less is one instant
-TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 MAX_UP_M = 1e5  # above the plane
-MOVING_OVER_S = 1.0  # the time over which a speed is computed
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 CAR = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*", re.ASCII)
 
 
@@ -77,22 +72,6 @@ class DetectionRow(NamedTuple):
     up_m: float | None
 
 
-class ObjectRow(NamedTuple):
-    """An object of the truth at a time; without a car it counts for all. Columns as in
-    ``COLUMNS``.
-    """
-
-    car: str | None
-    time_s: float
-    object: str
-    label: str
-    east_m: float
-    north_m: float
-    moving: bool | None
-    visible: bool | None
-    up_m: float | None
-
-
 COLUMNS = {
     column.name: column
     for column in (
@@ -112,7 +91,7 @@ COLUMNS = {
 Row = TypeVar("Row", PoseRow, DetectionRow, ObjectRow)
 
 
-def _place(row: PoseRow | DetectionRow | ObjectRow) -> Location:
+def _place(row: PoseRow | DetectionRow) -> Location:
     return row.east_m, row.north_m, row.up_m or 0.0
 
 
@@ -157,61 +136,6 @@ class _Table(NamedTuple):
             yield where, kind._make(values)
 
 
-class _Sightings(NamedTuple):
-    """One object at the times of a car's frames, as columns: whether it is there, where [m] (n, 3),
-    and which row of the table is nearest in time.
-    """
-
-    there: Flags
-    place: Array
-    row: np.ndarray[Any, np.dtype[np.int64]]
-
-
-class _Object:
-    """One object of the truth, by its number: its rows in order of time, and where it is between
-    them.
-    """
-
-    def __init__(self, number: int, rows: Sequence[ObjectRow]) -> None:
-        self.number, self.rows, self.label = number, rows, rows[0].label
-        self.times_s = np.array([row.time_s for row in rows])
-        self.places = np.array([_place(row) for row in rows])
-
-    def at(self, times_s: Array) -> _Sightings:
-        """The object at some times (n,), between two rows on a straight line."""
-        own_s, places = self.times_s, self.places
-        last = len(own_s) - 1
-        later = np.minimum(np.searchsorted(own_s, times_s - SAME_TIME_S), last)
-        earlier = np.maximum(later - 1, 0)
-        exact = np.abs(own_s[later] - times_s) <= SAME_TIME_S
-        gap_s = own_s[later] - own_s[earlier]
-        between = (own_s[earlier] < times_s) & (times_s < own_s[later])
-        share = np.where(exact, 1.0, (times_s - own_s[earlier]) / np.where(gap_s > 0, gap_s, 1.0))
-        place = places[earlier] + share[:, None] * (places[later] - places[earlier])
-        return _Sightings(
-            there=exact | (between & (gap_s <= TRUTH_GAP_S)),
-            place=np.where(exact[:, None], places[later], place),
-            row=np.where(share < 0.5, earlier, later),
-        )
-
-    def is_moving(self, times_s: Array) -> Flags:
-        """Whether it moves at some times (n,), by its places over the second around each, as far as
-        it is there without a gap.
-        """
-        own_s, row = self.times_s, self.at(times_s).row
-        stretch = np.append(0, np.cumsum(np.diff(own_s) > TRUTH_GAP_S))  # without a gap, of a row
-        began_s = own_s[np.searchsorted(stretch, stretch)][row]
-        ended_s = own_s[np.searchsorted(stretch, stretch, side="right") - 1][row]
-        first_s = np.maximum(times_s - MOVING_OVER_S / 2, began_s)
-        last_s = np.minimum(times_s + MOVING_OVER_S / 2, ended_s)
-        begin, end = self.at(first_s), self.at(last_s)
-        way_m = np.hypot(*(end.place - begin.place)[:, :2].T)
-        duration_s = last_s - first_s
-        is_known = begin.there & end.there & (duration_s > SAME_TIME_S)
-        is_moving: Flags = is_known & (way_m > MOVING_MPS * duration_s)
-        return is_moving
-
-
 def cars_of_tables(
     poses: Table,
     detections: Table,
@@ -247,7 +171,9 @@ def cars_of_tables(
     for table, other in combinations(tables.values(), 2):
         if other.path.name == table.path.name:
             raise UserError(f"{other.path}: has the name of {table.path}; rename it")
-    key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
+    # of what the cars saw: whoever adds or mends a truth keeps the traces
+    seen = tables["poses"].digest + tables["detections"].digest
+    key = hashlib.sha256(seen.encode()).hexdigest()
     first_s = min(rows[0].time_s for rows in by_car.values())
     first_ns = round(first_s * NS_PER_S)
     frames = {
@@ -273,8 +199,8 @@ def cars_of_tables(
         for car, rows in by_car.items():
             times_s = np.array([row.time_s for row in rows])
             of_car = tracks.get(None, tracks.get(car, []))
-            _check_covered(tables["truth"].path, car, times_s, of_car)
-            there[car] = _in_view(frames[car], times_s, of_car, sensor.range_m)
+            check_covered(car, times_s, of_car, report=report, path=tables["truth"].path)
+            there[car] = in_view(frames[car], times_s, of_car, sensor.range_m)
     return traces(
         frames,
         origin=origin,
@@ -379,7 +305,7 @@ def _read_truth(
     by_car: Mapping[str, Sequence[PoseRow]],
     classes: Mapping[str, str],
     report: ImportReport,
-) -> dict[str | None, list[_Object]]:
+) -> dict[str | None, list[TruthTrack]]:
     """The objects by the car for which they count, in the order in which they come first; ``None``:
     for all cars.
     """
@@ -393,7 +319,8 @@ def _read_truth(
             problem = unknown("class", label, CANONICAL)
             raise UserError(f"{where}: label: {problem}; --map LABEL=CLASS, or ={NO_CLASS}")
         car = None if row.car is None else _car(where, row.car, by_car)
-        if any((other is None) != (car is None) for other, _ in [*rows_of][:1]):
+        first, _ = next(iter(rows_of), (car, ""))
+        if (first is None) != (car is None):
             raise UserError(f"{where}: car: must be given in every row or in none")
         rows = rows_of.setdefault((car, row.object), [])
         row = row._replace(label=CANONICAL[label])
@@ -406,55 +333,10 @@ def _read_truth(
     if not rows_of:
         raise UserError(f"{table.path}: has no objects")
     numbers: dict[str, int] = {}
-    objects: dict[str | None, list[_Object]] = {}
+    objects: dict[str | None, list[TruthTrack]] = {}
     for (car, name), rows in rows_of.items():
         number = numbers.setdefault(name, len(numbers) + 1)
         ordered = _apart(f"object {short_repr(name)}", sorted(rows, key=_time_s))
-        objects.setdefault(car, []).append(_Object(number, ordered))
+        objects.setdefault(car, []).append(TruthTrack(number, ordered))
     report.read("objects of the truth", len(numbers))
     return objects
-
-
-def _in_view(
-    frames: Sequence[TraceFrame], times_s: Array, tracks: Sequence[_Object], range_m: float
-) -> list[list[TruthObject]]:
-    """What is there at each frame of a car, taken at ``times_s`` (n,), up to a little beyond
-    ``range_m``.
-    """
-    poses = [rounded_pose(frame).pose for frame in frames]
-    sectors = [
-        ViewSector(pose, frame.horizontal_fov_rad, range_m)
-        for pose, frame in zip(poses, frames, strict=True)
-    ]
-    origins = np.array([pose[:2] for pose in poses])
-    there: list[list[TruthObject]] = [[] for _ in frames]
-    for track in tracks:
-        sightings, moving = track.at(times_s), track.is_moving(times_s)
-        away_m = np.hypot(*(sightings.place[:, :2] - origins).T)
-        near = sightings.there & (away_m <= range_m + BEYOND_M)
-        for index in np.flatnonzero(near).tolist():
-            place = sightings.place[index].round(POSITION_DECIMALS).tolist()
-            row = track.rows[sightings.row[index]]
-            in_view = sectors[index].distance_m(*place[:2]) is not None
-            there[index].append(
-                TruthObject(
-                    track.number,
-                    track.label,
-                    bool(moving[index]) if row.moving is None else row.moving,
-                    in_view and row.visible is not False,
-                    *place,
-                )
-            )
-    return there
-
-
-def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_Object]) -> None:
-    own_s = np.sort(np.concatenate([[-np.inf, np.inf], *(track.times_s for track in tracks)]))
-    after = np.searchsorted(own_s, times_s)
-    apart_s = np.minimum(own_s[after] - times_s, times_s - own_s[after - 1])
-    uncovered = np.flatnonzero(apart_s > TRUTH_GAP_S)
-    if len(uncovered):
-        raise UserError(
-            f"{path}: time_s: no row within {TRUTH_GAP_S:g} s of {car}'s pose at "
-            f"{times_s[uncovered[0]]:.15g}"
-        )

@@ -17,7 +17,7 @@ from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.geometry import Geodetic, heading_of, transform
 from genie_sim.base.paths import remembered
-from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.data import world_table
 from genie_sim.data.frame_source import Drive
 from genie_sim.data.world_table import in_range
@@ -121,35 +121,45 @@ class Trace(Drive):
         return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "Trace":
-        """The same trace around another geodetic origin; drives with one origin share one world."""
+        """The same trace around another geodetic origin, with the decimals that a trace keeps;
+        drives with one origin share one world.
+        """
         if origin == self.origin:
             return self
         from genie_sim.data.geodesy import enu_SE3_enu
 
         new_SE3_old = enu_SE3_enu(origin, self.origin)
 
+        def place(location: Location) -> Location:
+            return rounded(transform(new_SE3_old, location), POSITION_DECIMALS)
+
         def moved(frame: TraceFrame) -> TraceFrame:
-            pose = frame.pose
-            ahead = new_SE3_old[:3, :3] @ [
-                math.cos(pose.heading_rad),
-                math.sin(pose.heading_rad),
-                0.0,
-            ]
-            east_m, north_m, up_m = transform(new_SE3_old, pose[:3]).tolist()
+            heading_rad = frame.pose.heading_rad
+            ahead = new_SE3_old[:3, :3] @ [math.cos(heading_rad), math.sin(heading_rad), 0.0]
+            east_m, north_m, up_m = transform(new_SE3_old, frame.pose[:3]).tolist()
+            pose = CameraPose(east_m, north_m, up_m, heading_of(ahead))
             detections = tuple(
-                d
-                if d.location is None
-                else replace(d, location=tuple(transform(new_SE3_old, d.location).tolist()))
+                d if d.location is None else replace(d, location=place(d.location))
                 for d in frame.detections
             )
-            return replace(
-                frame,
-                pose=CameraPose(east_m, north_m, up_m, heading_of(ahead)),
-                detections=detections,
-            )
+            return rounded_pose(replace(frame, pose=pose, detections=detections))
 
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
         return replace(self, origin=origin, frames=frames)
+
+
+def rounded(numbers: Iterable[float], decimals: int) -> tuple[Any, ...]:
+    """As a trace keeps them."""
+    return tuple(round(float(x), decimals) for x in numbers)
+
+
+def rounded_pose(frame: TraceFrame) -> TraceFrame:
+    """The frame with the decimals of its pose and field of view that a trace keeps."""
+    east_m, north_m, up_m = rounded(frame.pose[:3], POSITION_DECIMALS)
+    angles_rad = frame.pose.heading_rad, frame.horizontal_fov_rad
+    heading_rad, fov_rad = rounded(angles_rad, ANGLE_DECIMALS)
+    pose = CameraPose(east_m, north_m, up_m, heading_rad)
+    return replace(frame, pose=pose, horizontal_fov_rad=fov_rad)
 
 
 def feature_facts(

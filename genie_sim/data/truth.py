@@ -22,7 +22,7 @@ from genie_sim.base.paths import remembered
 from genie_sim.base.spans import rows_of_spans
 from genie_sim.core.messages import Frame, Location
 from genie_sim.data import world_table
-from genie_sim.data.trace import RANGE_M, Trace
+from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, Trace, rounded
 
 if TYPE_CHECKING:
     import pyarrow
@@ -109,7 +109,7 @@ class TruthTable:
         new_SE3_old = enu_SE3_enu(origin, self.origin)
         rows = []
         for row in self.rows:
-            east_m, north_m, up_m = transform(new_SE3_old, row.location).tolist()
+            east_m, north_m, up_m = rounded(transform(new_SE3_old, row.location), POSITION_DECIMALS)
             rows.append(row._replace(east_m=east_m, north_m=north_m, up_m=up_m))
         return replace(self, origin=origin, rows=tuple(rows))
 

@@ -25,7 +25,7 @@ from genie_sim.version import PACKAGE_FOLDER, VERSION
 log = logging.getLogger(__name__)
 # Of every result folder, in run.json or sweep.json: one more when a table, a column, a field of
 # ``MetricValue`` or a fact is another, or means something else. Every run id changes with it.
-RESULT_FORMAT = 6
+RESULT_FORMAT = 7
 # Of run.json, required by every command; other fields are checked where they are used.
 REQUIRED: dict[str, tuple[type, str]] = {
     "run_id": (str, "text"),

@@ -113,14 +113,18 @@ export function lastUpTo(values, x) {
   return low - 1;
 }
 
-// What consumers hold or miss at `t`, judged by what is there: the rows that are open then.
+// What consumers hold or miss at `t`, judged by what is there: the rows that are open then. What several cameras of a
+// car see has a row for each, and counts once.
 export function heldObjectsAt({ held_objects }, t) {
   const { begin_us, took_us } = held_objects,
-    open = [];
+    open = new Map();
   for (let row = 0, last = lastUpTo(begin_us, t); row <= last; row += 1) {
-    if (took_us[row] < 0 || t < begin_us[row] + took_us[row]) open.push(rowOf(held_objects, row));
+    if (took_us[row] >= 0 && t >= begin_us[row] + took_us[row]) continue;
+    const object = rowOf(held_objects, row),
+      key = [object.car, object.label, object.judged, object.east_m, object.north_m].join();
+    if (!open.has(key)) open.set(key, object);
   }
-  return open;
+  return [...open.values()];
 }
 
 const WHY_FALSE = {

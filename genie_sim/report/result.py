@@ -104,8 +104,8 @@ class Comparison:
     Parameters
     ----------
     results_ : sequence of Comparable
-        What is compared; the first is what the others are compared with. Of one alone, its methods
-        are compared in each of its settings.
+        What is compared; the first is what the others are compared with. Of one alone, see
+        ``analysis.compare.compare``.
     methods : sequence of str
         Which, in this order; by default all.
     labels : sequence of str

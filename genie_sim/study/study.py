@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from genie_sim.analysis import metrics, registry, renderers
 from genie_sim.analysis.seed_runs import SWEEP_FILE, load_seeds, read_about
@@ -205,19 +206,20 @@ class Study:
         own = [name for run in self.plan.runs.values() for name in run.scenario.metrics]
         return metrics.words_of_code(dict.fromkeys(own))
 
-    def _titles(self) -> dict[str, str]:
-        """What pages call each method."""
+    def _facts(self) -> dict[str, dict[str, Any]]:
+        """Of each method what it is called, and whether it is a baseline."""
         runs, seed = self.plan.runs, self.design.seeds[0]  # one of each point
         scenarios = (
             runs[entry.run_id].scenario for entry in self.plan.entries if entry.seed == seed
         )
         return {
-            entry.name: entry.facts(method)["title"]
+            entry.name: entry.facts(method)
             for scenario in scenarios
             for entry, method in zip(scenario.methods, scenario.new_methods().values(), strict=True)
         }
 
     def _write_about(self) -> None:
+        of_methods = self._facts()
         table_names = [name for name in TABLES if (self.folder / name).is_file()]
         about = {
             "format": provenance.RESULT_FORMAT,
@@ -227,7 +229,8 @@ class Study:
             "runs": len(self.plan.runs),
             "run_ids": sorted(self.plan.runs),
             "methods": list(self.methods),
-            "titles": self._titles(),
+            "titles": {name: facts["title"] for name, facts in of_methods.items()},
+            "baselines": [name for name, facts in of_methods.items() if facts["baseline"]],
             "metrics": self._words,
             "digests": provenance.digests(self.folder, table_names),
             **provenance.environment(),

@@ -166,11 +166,12 @@ class Sweep(Suggesting, Result):
     @cached_property
     def cells(self) -> Mapping[str, Mapping[int, Run]]:
         """Each point by the values of its axes; see ``cells_of``."""
+        baselines = self.about.get("baselines", ())
         with provenance.of_this_version(self.folder):
             return cells_of(
                 self.every_run,
                 self.axes,
-                [MethodInfo(name, title, baseline=False) for name, title in self.titles.items()],
+                [MethodInfo(name, title, name in baselines) for name, title in self.titles.items()],
                 name=self.design.name,
                 genie_sim=self.about["genie_sim"],
                 origin=self.about["run_ids"],

@@ -87,6 +87,21 @@ def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Ru
     assert "blocks" in compare_tables.about(made) and "other seeds" in compare_tables.about(made)
 
 
+def test_a_run_alone_is_compared_with_the_best_baseline_of_each_metric(usual: list[Run]):
+    made = compare(usual[:1])
+    rows = {one.metric: one for one in made.rows if one.against}
+    assert {one.arm.label for one in rows.values()} == {"genie"}
+    for metric, best in {"first_answer_mean": min, "ghost_share": min, "streaming_f1": max}.items():
+        values = {name: measured(usual[0], metric, name) for name in ("local", "remote")}
+        assert rows[metric].against.label == best(values, key=values.__getitem__)
+        assert rows[metric].against_value == best(values.values())
+    assert {one.against.label for one in rows.values()} == {"local", "remote"}
+    assert {one.against.label for one in compare(usual).rows if one.against} == {"local", "remote"}
+    named = compare(usual[:1], ["local", "remote", "genie"])
+    pairs = {(one.against.label, one.arm.label) for one in named.rows if one.against}
+    assert pairs == {("local", "remote"), ("local", "genie")}
+
+
 def test_a_block_interval_by_hand(usual: list[Run]):
     """Three seconds of one car, as many frames in each: the t interval of the three paired
     differences of means.
@@ -369,7 +384,7 @@ def test_the_command_and_the_library_say_the_same(
         == 0
     )
     printed = capsys.readouterr().out
-    in_hand = gs.compare(made.folder, methods=["local", "remote", "genie"])
+    in_hand = gs.compare(made.folder)
     assert printed == in_hand.text("csv")
     assert len(in_hand.table) == printed.count("\n") - 1 and in_hand.settings.empty
     assert (tmp_path / "page" / "compare.html").is_file()

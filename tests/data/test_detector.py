@@ -135,6 +135,9 @@ def test_threads_are_of_those_that_take_them(network):
     assert DetectorSettings("tests.data.test_detector:Plain", network).opened().path == network
     with pytest.raises(UserError, match=r"test_detector:Plain.* unexpected .*'threads'"):
         DetectorSettings("tests.data.test_detector:Plain", network, threads=2).opened()
+    for name in ("tests.data.test_detector:Threaded", "yolox_nano"):
+        with pytest.raises(UserError, match=f"detector '{name}': threads 0 must be"):
+            DetectorSettings(name, network, threads=0).opened()
     own = DetectorSettings("tests.data.test_detector:Threaded", network, threads=2).opened()
     assert own.threads == 2 and look(np.zeros((9, 9, 3), np.uint8), own) == ([], {"own": b"ab"})
 
@@ -167,9 +170,8 @@ def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian(kitti_root):
     from genie_sim.data.kitti.drive import open_drive, read_image
 
     drive = open_drive(kitti_root, f"{DATE}/0005", ["02"])
-    found = (
-        DetectorSettings("yolox_nano").opened().detect(read_image(drive.frames["02"][0].image_path))
-    )
+    picture, _ = read_image(drive.frames["02"][0].image_path)
+    found = DetectorSettings("yolox_nano").opened().detect(picture)
     for label, (x, y) in {"car": (370, 225), "person": (830, 230), "bicycle": (830, 330)}.items():
         assert any(
             f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.drive_truth import PictureLabels, read_labels
 from genie_sim.data.kitti.label import ObjectLabel
 from genie_sim.data.trace import Trace, read_trace
@@ -24,6 +26,7 @@ from tools.make.evaluation import evaluate, iou, table
 BOX = (100.0, 100.0, 200.0, 160.0)
 ELSEWHERE = (400.0, 100.0, 500.0, 160.0)
 PLACE = (20.0, 0.0, 0.0)
+DRIVE = DriveName(DATE, "0005")
 
 
 def frame(*detections, index=0, camera="02"):
@@ -38,11 +41,11 @@ def car(score, box=BOX, location=PLACE, label="car", method="scan"):
 def judged(frames, labels, min_score=0.3, moving=()):
     trace = Trace("made up", (49.0, 8.4, 100.0), {"02": tuple(frames)}, {})
     pictures = {("02", one.index): list(labels.get(one.index, ())) for one in frames}
-    return evaluate(trace, PictureLabels("made up", pictures, frozenset(moving)), min_score)
+    return evaluate(trace, PictureLabels(DRIVE, Path(), pictures, frozenset(moving)), min_score)
 
 
 def label(box=BOX, counts=True, group="vehicles", centre=PLACE, track=1):
-    return ObjectLabel(track, group, box, counts, centre)
+    return ObjectLabel(track, group, box, counts, centre, is_area=centre is None)
 
 
 def test_a_perfect_detector_has_precision_one():
@@ -76,7 +79,7 @@ def test_a_detection_belongs_to_the_label_it_overlaps_best():
     [
         (car(0.9), label(counts=False)),  # hidden or cut off
         # inside a DontCare area
-        (car(0.9), ObjectLabel(-1, "anything", (0.0, 0.0, 300.0, 300.0), False, None)),
+        (car(0.9), label((0.0, 0.0, 300.0, 300.0), False, "anything", None)),
         (car(0.9, (100.0, 100.0, 140.0, 124.0)), None),  # too small to count
     ],
 )

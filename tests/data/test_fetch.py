@@ -172,8 +172,9 @@ def test_without_a_network_one_line_says_what_to_do(server, nano, tmp_path):
 def test_unknown_names_are_refused_before_the_network(tmp_path):
     with pytest.raises(UserError, match=r"unknown model 'yolox-nan' \(did you mean 'yolox-nano'"):
         fetch.fetch_model("yolox-nan", tmp_path, quiet)
-    with pytest.raises(UserError, match="expected a name like 2011_09_26_drive_0005"):
-        fetch.fetch_drive("../../etc", tmp_path, quiet)
+    for name, told in (("../../etc", "must be a raw drive"), ("odometry/05", "only raw drives")):
+        with pytest.raises(UserError, match=f"^drive '{name}': {told}"):
+            fetch.fetch_drive(name, tmp_path, quiet)
 
 
 DRIVE = "2011_09_26_drive_0005"
@@ -195,7 +196,7 @@ def drive(server):
 
 
 def test_a_drive_is_unpacked_into_kitti_s_layout(drive, tmp_path):
-    root = fetch.fetch_drive(DRIVE, tmp_path / "kitti", quiet, drive.base)
+    root = fetch.fetch_drive("2011_09_26/0005", tmp_path / "kitti", quiet, drive.base)
     files = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
     assert files == [
         "2011_09_26/2011_09_26_drive_0005_sync/oxts/data/0000000000.txt",

@@ -52,7 +52,7 @@ def test_both_image_formats_are_found(tmp_path, extension):
     make_drive(tmp_path, extension=extension)
     frames = open_drive(tmp_path, DRIVE).frames["02"]
     assert [frame.image_path.suffix for frame in frames] == [f".{extension}"] * 3
-    assert read_image(frames[0].image_path).shape == (192, 640, 3)
+    assert read_image(frames[0].image_path)[0].shape == (192, 640, 3)
 
 
 def test_the_camera_stands_where_the_car_drove_and_looks_ahead(tmp_path):

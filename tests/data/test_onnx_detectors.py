@@ -11,8 +11,10 @@ import pytest
 
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors import onnx_session
 from genie_sim.data.detectors.detector import DETECTORS, DetectorSettings
+from genie_sim.data.detectors.image_detector import tell_network
 from genie_sim.data.detectors.networks import Yolov8
 from tests.kitti_folder import make_network
 from tests.made_up_networks import (
@@ -157,9 +159,15 @@ class TestYolov8(Conformance):
     @pytest.mark.parametrize(
         "names", ["", "{0: 'car'", "[]", "__import__('os')", "{1: 'car'}", "7"]
     )
-    def test_broken_names_are_refused_not_run(self, names):
+    def test_broken_names_are_refused_not_run(self, tmp_path, names):
+        import onnx
+
+        path = make_yolov8(tmp_path / "x.onnx")
+        model = onnx.load(str(path))
+        model.metadata_props[0].value = names
+        onnx.save(model, str(path))
         with pytest.raises(UserError, match=r"x.onnx: metadata: names"):
-            Yolov8.labels_of(Path("x.onnx"), {"names": names})
+            DetectorSettings("yolov8", path).opened()
 
 
 class TestYolov10(Conformance):
@@ -275,7 +283,7 @@ def test_a_network_that_cannot_be_used_is_one_line(what, tmp_path):
 
 def test_what_a_later_picture_shows_of_a_network_is_told_too(tmp_path, monkeypatch):
     """Logits of a picture without objects may look like scores."""
-    monkeypatch.setattr(Yolov8, "_check_outputs", lambda *_: None)
+    monkeypatch.setattr(Yolov8, "_look_at_grey", lambda *_: None)
     for change, message in (("logits", "no probabilities"), ("shares", "shares of the picture")):
         network = changed(tmp_path / "a.onnx", change)
         with pytest.raises(UserError, match=message):
@@ -416,8 +424,13 @@ def test_a_yolox_that_decodes_itself_is_recognised(tmp_path):
     found, same = decoded.detect(white_cell()), plain.detect(white_cell())
     assert [one.label for one in found] == [one.label for one in same] == ["car"]
     assert found[0].box == pytest.approx(same[0].box, abs=0.01)
-    assert decoded.notes == ["yolox_nano: the network decodes its boxes itself"]
-    assert plain.notes == []
+    told = ImportReport("x"), ImportReport("x")
+    tell_network(told[0], decoded)
+    tell_network(told[1], plain)
+    assert [report.chosen for report in told] == [
+        ["yolox_nano: the network decodes its boxes itself"],
+        [],
+    ]
 
 
 def test_labels_of_a_network_are_counted_and_mapped(tmp_path):
@@ -425,8 +438,10 @@ def test_labels_of_a_network_are_counted_and_mapped(tmp_path):
     model = path.read_bytes().replace(b"'car'", b"'van'")
     path.write_bytes(model)
     detector = DetectorSettings("yolov8", path).opened()
-    assert detector.unused == {"van": 0}
-    assert detector.detect(white_cell()) == [] and detector.unused == {"van": 1}
+    assert detector.detect(white_cell()) == []
+    report = ImportReport("x")
+    tell_network(report, detector)
+    assert report.unused == {"van": 1}
     mapped = DetectorSettings("yolov8", path, classes={"van": "car"}).opened()
     assert [one.label for one in mapped.detect(white_cell())] == ["car"]
     path.write_bytes(model.replace(b"'truck'", b"'lorry'"))

@@ -5,7 +5,6 @@ KITTI's labels.
 import zlib
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -172,6 +171,26 @@ def test_a_picture_of_too_many_pixels_is_refused(tmp_path):
         read_image(tmp_path / "large.png")
 
 
+class Finding:
+    """A detector of one's own."""
+
+    def __init__(self, boxes: object) -> None:
+        self.boxes = boxes
+
+    def detect(self, _: np.ndarray) -> object:
+        return self.boxes
+
+
+class Looking:
+    """The same with features."""
+
+    def __init__(self, boxes: object) -> None:
+        self.boxes = boxes
+
+    def look(self, _: np.ndarray) -> object:
+        return self.boxes, {}
+
+
 BOX = (1, 2, 3, 4)
 
 
@@ -188,27 +207,23 @@ BOX = (1, 2, 3, 4)
     ids=str,
 )
 def test_what_is_no_list_of_boxes_is_refused_with_the_class_of_the_detector(wrong):
-    class Mine:
-        def detect(self, _: np.ndarray) -> object:
-            return wrong
-
-    with pytest.raises(UserError, match=r"detector Mine: detect\(\)") as caught:
-        look(np.zeros((60, 90, 3), np.uint8), Mine())
+    with pytest.raises(UserError, match=r"detector Finding: detect\(\)") as caught:
+        look(np.zeros((60, 90, 3), np.uint8), Finding(wrong))
     assert "\n" not in str(caught.value)
+    with pytest.raises(UserError, match=r"detector Looking: look\(\)"):
+        look(np.zeros((60, 90, 3), np.uint8), Looking(wrong))
 
 
-def test_boxes_of_ones_own_detector_that_are_shares_are_refused():
-    class Mine:
-        boxes: ClassVar = [("car", 0.9, (0.1, 0.2, 0.4, 0.6)), ("car", 0.9, (0.5, 0.5, 1.0, 1.0))]
-
-        def detect(self, _: np.ndarray) -> object:
-            return self.boxes
-
-    detector, picture = Mine(), np.zeros((60, 90, 3), np.uint8)
-    with pytest.raises(UserError, match=r"detector Mine: .*shares of the picture"):
-        look(picture, detector)
-    detector.boxes = [("car", 0.9, (-5, -5, 95, 65))]
-    assert look(picture, detector) == (detector.boxes, {})
+@pytest.mark.parametrize("kind", [Finding, Looking])
+def test_boxes_of_ones_own_detector_that_are_shares_are_refused(kind):
+    picture = np.zeros((60, 90, 3), np.uint8)
+    shares = [("car", 0.9, (0.1, 0.2, 0.4, 0.6)), ("car", 0.9, (0.5, 0.5, 1.0, 1.0))]
+    with pytest.raises(UserError, match=rf"detector {kind.__name__}: .*shares of the picture"):
+        look(picture, kind(shares))
+    # beyond the picture, and cut at its border
+    for places in ((-5, -5, 95, 65), (0, 0, 1.5, 1.2), (90, 5, 90, 9), (0, 0, 0, 0.5)):
+        boxes = [("car", 0.9, places)]
+        assert look(picture, kind(boxes)) == (boxes, {})
 
 
 def test_labels_of_ones_own_detector_that_are_no_classes_are_told(street, monkeypatch):

@@ -112,6 +112,7 @@ def test_data_frames_give_the_traces_of_files(tables):
     frames = {name: pd.read_csv(io.StringIO(text)) for name, text in texts.items()}
     by_file = tables(**texts)
     by_frame = cars_of_tables(*frames.values(), provenance={"data": "mine"})
+    unjudged = tables(POSES, DETECTIONS)
     assert by_frame.keys() == by_file.keys()
     for name, car in by_frame.items():
         pairs = zip(*(of[name].trace.frames["sensor"] for of in (by_frame, by_file)), strict=True)
@@ -119,6 +120,7 @@ def test_data_frames_give_the_traces_of_files(tables):
             assert (frame.stamp_ns, frame.pose) == (there.stamp_ns, there.pose)
             assert frame.detections == there.detections
         assert car.truth.rows == by_file[name].truth.rows
+        assert by_file[name].trace.digest == unjudged[name].trace.digest, "whatever the truth"
         assert car.trace.provenance["data"] == "mine"
     assert len({car.trace.sequence for car in by_frame.values()}) == 1
 
@@ -255,7 +257,11 @@ def test_a_wrong_row_is_named_by_line_and_column(tables, tmp_path, table, rows, 
         ("poses", "", "is empty"),
         ("poses", f"car,{POSES}", "column 'car'"),
         ("truth", TRUTH_HEADER, "has no objects"),
-        ("truth", f"{TRUTH_HEADER}998.9,o,car,1,1\n", "time_s: no row"),
+        (
+            "truth",
+            f"{TRUTH_HEADER}998.9,o,car,1,1\n",
+            "time_s: no row within 1 s of 3 of 3 poses of a",
+        ),
         ("truth", f"car,moving,{TRUTH_HEADER}a,yes,1000,o,car,1,1\n", "line 2: moving"),
         ("truth", f"car,{TRUTH_HEADER}a,1000,o,car,1,1\n,1000,p,car,1,1\n", "line 3: car"),
         ("truth", f"{TRUTH_HEADER}1000,o,car,1,1\n1000.0009,o,car,1,1\n", "line 3: time_s"),
@@ -412,10 +418,17 @@ def test_what_is_unusual_is_told(tmp_path):
     rows = drive(10, factor=1e-3).splitlines()
     files[0].write_text("\n".join(["vehicle," + rows[0], *(f"a,{row}" for row in rows[1:])]))
     files[1].write_text(AHEAD.format(label="car", east=20))
+    truth = tmp_path / "truth.csv"
+    truth.write_text(TRUTH_HEADER + "1,o,car,5,0\n")
     report = ImportReport("x")
-    cars_of_tables(*files, sensor=Sensor(size_bytes=960), report=report)
+    cars_of_tables(*files, truth, sensor=Sensor(size_bytes=960), report=report)
     told = "\n".join(report.lines())
-    for text in ("never faster than 0.01 m/s", "a frame takes", "column 'vehicle' of poses.csv"):
+    for text in (
+        "never faster than 0.01 m/s",
+        "a frame takes",
+        "column 'vehicle' of poses.csv",
+        "truth.csv: time_s: no row within 1 s of 9 of 30 poses of car1",
+    ):
         assert text in told
 
 

@@ -17,7 +17,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data import trace as trace_file
-from genie_sim.data.trace import Trace, read_trace, sequence_of, write_trace
+from genie_sim.data.trace import POSITION_DECIMALS, Trace, read_trace, sequence_of, write_trace
 from tests.make import KARLSRUHE, trace, trace_frame
 
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parquet"
@@ -39,6 +39,11 @@ def with_metadata(**changes):
         return table.replace_schema_metadata({METADATA_KEY: json.dumps(metadata)})
 
     return change
+
+
+def with_car(**changes):
+    """One frame in which a car was found."""
+    return (trace_frame(detections=(replace(Detection("car", 0.5, None, None, 0.5), **changes),)),)
 
 
 def test_what_is_written_is_read(path):
@@ -78,7 +83,8 @@ def test_rebased_trace_shows_the_same_places_on_earth():
         ]
         for old_enu, new_enu in places:
             on_earth = pymap3d.enu2geodetic(*old_enu, *KARLSRUHE)
-            assert new_enu == pytest.approx(pymap3d.geodetic2enu(*on_earth, *elsewhere), abs=1e-6)
+            exact = pymap3d.geodetic2enu(*on_earth, *elsewhere)
+            assert new_enu == tuple(round(x, POSITION_DECIMALS) for x in exact)
         assert [d.location for d in new.detections if d.label == "stop sign"] in ([None], [])
     # Seen from 2 km further east, the old north leans to the east: meridians meet at the pole.
     convergence_rad = math.radians(elsewhere[1] - KARLSRUHE[1]) * math.sin(math.radians(49.01))
@@ -89,7 +95,7 @@ def test_rebased_trace_shows_the_same_places_on_earth():
 def test_rebasing_there_and_back_changes_nothing():
     back = trace().rebased((49.02, 8.45, 100.0)).rebased(KARLSRUHE)
     for old, new in zip(trace().frames["02"], back.frames["02"], strict=True):
-        assert new.pose == pytest.approx(old.pose, abs=1e-6)
+        assert new.pose == pytest.approx(old.pose, abs=10**-POSITION_DECIMALS)
     assert trace().rebased(KARLSRUHE) == trace()
 
 
@@ -198,31 +204,12 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
         ((trace_frame(stamp_ns=-1),), "stamp_ns"),
         ((trace_frame(width=0),), "width"),
         ((trace_frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
-        (
-            (trace_frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),),
-            "car",
-        ),
-        (
-            (
-                trace_frame(
-                    detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)
-                ),
-            ),
-            "car",
-        ),
-        ((trace_frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
-        (
-            (trace_frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
-            "must be texts, and numbers in range",
-        ),
-        (
-            (trace_frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
-            "must be texts",
-        ),
-        (
-            (trace_frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),),
-            "must be texts, and numbers in range",
-        ),
+        (with_car(score=1.2), "a car of score 1.2; must be from 0 to 1"),
+        (with_car(box=(0.0, 0.0, math.inf, 1.0)), "must be texts, and numbers in range"),
+        (with_car(location=(1e308, 0.0, 0.0)), "must be texts, and numbers in range"),
+        (with_car(score=None), "must be texts, and numbers in range"),
+        (with_car(label=None), "must be texts, and numbers in range"),
+        (with_car(box=(0.0, None, 1.0, 1.0)), "must be texts, and numbers in range"),
     ],
 )
 def test_a_trace_with_impossible_frames_is_refused(path, frames, message):
@@ -239,9 +226,7 @@ def test_parameters_that_are_no_mapping_are_refused(path):
 
 
 def test_a_detection_may_have_no_box(path):
-    boxless = trace(
-        **{"02": (trace_frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)}
-    )
+    boxless = trace(**{"02": with_car(location=(1.0, 2.0, 3.0))})
     write_trace(path, boxless)
     assert read_trace(path).frames == boxless.frames
 

@@ -70,13 +70,19 @@ def test_a_sequence_becomes_a_trace(root):
     )
 
 
-def test_labels_and_detections_share_a_world(root):
+@pytest.mark.parametrize(("kind", "counts"), [("Car", True), ("Tram", False), ("Misc", False)])
+def test_labels_and_detections_share_a_world(root, kind, counts):
+    """What is found on a tram or a trailer is there, though nobody is expected to know of it."""
+    path = root / "training/label_02/0003.txt"
+    path.write_text(path.read_text().replace("Car", kind))
     trace = tracking_trace(root, "0003", origin=(49.001, 8.402, 100.0))
     truth = read_labels(root.parent, "tracking/0003", trace)
     (car,), (label,) = trace.frames["02"][0].detections, truth.pictures["02", 0]
     assert car.location == pytest.approx(label.centre, abs=0.01)
-    assert (label.group, label.track, label.counts) == ("vehicles", 7, True)
+    assert (label.group, label.track, label.counts) == ("vehicles", 7, counts)
     assert truth.moving == frozenset()
+    rows = make_truth(root.parent, "tracking/0003", trace).rows
+    assert [(row.label, row.visible) for row in rows] == [("car", counts)] * 3
 
 
 @pytest.mark.parametrize(("right_m", "box"), [(0.0, (500, 100, 700, 300)), (90.0, None)])

@@ -11,6 +11,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
+from genie_sim.data.kitti.drive import open_drive
 from genie_sim.data.kitti.drive_truth import make_truth
 from genie_sim.data.sources import RecordedDrives, encoded_beside
 from genie_sim.data.trace import Trace, read_trace, write_trace
@@ -109,7 +110,16 @@ def test_one_trace_has_one_truth(trace, tmp_path):
         drives.drive("3", f"{tmp_path}/b.parquet", 0)
 
 
-@pytest.mark.parametrize("drive", ["2011_09_26/0009", "tracking/0001", "0009", "../x/0009"])
+@pytest.mark.parametrize("drive", ["0009", "../x/0009", "tracking/../0000", "2011_09_26/5", 5])
+def test_what_is_no_name_of_a_drive_tells_which_kinds_there_are(trace, tmp_path, drive):
+    for read in (lambda: make_truth(tmp_path, drive, trace), lambda: open_drive(tmp_path, drive)):
+        with pytest.raises(
+            UserError, match=rf"^drive '?{drive}'?: must be a raw .* odometry/05 or"
+        ):
+            read()
+
+
+@pytest.mark.parametrize("drive", ["2011_09_26/0009", "tracking/0001", "odometry/05"])
 def test_a_drive_without_labels_names_both_kinds_of_labels(trace, tmp_path, drive):
     sync = tmp_path / "2011_09_26" / "2011_09_26_drive_0005_sync"
     (sync.parent / "2011_09_26_drive_0009_sync").mkdir(parents=True)  # without tracklets

@@ -72,15 +72,6 @@ def test_two_processes_give_the_same_bytes_and_skip_finished_runs(
     monkeypatch.setattr("genie_sim.runs.simulate.simulate", refuse)
     monkeypatch.setattr("genie_sim.study.work.simulate", refuse)
     assert main([*run, "--seeds", "2,5,9", "--jobs", "1"]) == 0
-    assert "Other pairs" not in capsys.readouterr().out, "of two methods there is one pair"
-
-
-def test_of_three_methods_the_other_pairs_are_a_command_away(tmp_path, capsys):
-    short = ["--set", "cars[0].route.window=[0 s, 1 s]", "--no-report", "--jobs", "1"]
-    assert main(["run", "street_1car_hetero", *short, "--seeds", "2", "--out", str(tmp_path)]) == 0
-    (folder,) = tmp_path.iterdir()
-    told = capsys.readouterr().out
-    assert f"Other pairs: genie-sim compare {folder} --methods remote,genie" in told
 
 
 def test_a_run_whose_results_were_lost_is_run_again(folder, tmp_path, capsys):
@@ -184,7 +175,7 @@ def test_a_mistake_gets_one_line_and_nothing_is_run(arguments, message, tmp_path
 
 
 def test_a_folder_that_somebody_sent_is_refused_in_one_line(tmp_path):
-    (tmp_path / "sweep.json").write_text('{"format": 6, "sweep": {"axes": {}, "seeds": "../../x"}}')
+    (tmp_path / "sweep.json").write_text('{"format": 7, "sweep": {"axes": {}, "seeds": "../../x"}}')
     with pytest.raises(UserError, match="seeds: missing, or not a list of whole numbers"):
         kinds.load(tmp_path)
     (tmp_path / "sweep.json").write_text("[]")

@@ -12,6 +12,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.data import fetch
 from genie_sim.data.detectors.detector import DetectorSettings
 from genie_sim.data.kitti.drive import open_drive, read_image
+from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.drive_truth import label_file
 from genie_sim.data.kitti.tracking_labels import tracking_labels
 from genie_sim.data.kitti.tracking_sequence import open_sequence
@@ -72,7 +73,7 @@ def drive(folder: Path) -> Case:
         for frame in opened.frames["02"]:
             opened.scan(frame.index)
             read_image(frame.image_path)
-        tracklets(label_file(folder, f"{DATE}/0005"))
+        tracklets(label_file(folder, DriveName(DATE, "0005")))
 
     return with_one_broken(folder, read)
 

@@ -42,7 +42,7 @@ from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.version import PACKAGE_FOLDER
-from genie_sim.worlds.town.town import drive_name
+from genie_sim.worlds.scene.kept_words import town_drive
 from tools.make.count_looks import counted
 from tools.make.published import tracking_trace
 
@@ -74,7 +74,7 @@ def town() -> dict[str, Any]:
     scenario = load_scenario("fleet_30", seed=TOWN_SEED)
     prepared = prepare(scenario)
     drives = [prepared.drives[car.name] for car in prepared.scenario.cars[:TOWN_CARS]]
-    return {drive_name(TOWN_SEED): counts(drives, ("02",))}
+    return {town_drive(TOWN_SEED): counts(drives, ("02",))}
 
 
 def recorded(detector: str, drive: str, cameras: tuple[str, ...]) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from genie_sim.data.kitti.perceive import kitti_folder
 def main() -> None:
     cv2.setNumThreads(1)
     frames = open_drive(kitti_folder(None), "2011_09_26/0005", ("02",)).frames["02"][::4]
-    colour = [read_image(frame.image_path) for frame in frames]
+    colour = [read_image(frame.image_path)[0] for frame in frames]
     grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in colour]
     heads = ["", "encoding", "bytes", "of the pixels", "encode, ms/MB", "decode, ms/MB"]
     lines = []

@@ -4,8 +4,8 @@
 
 Matching is that of PASCAL VOC: detections of all pictures in falling order of their score; each
 takes the free label that it overlaps best, by ``MIN_IOU`` at least, and is wrong without one. Left
-out, neither right nor wrong, are detections on an ignored label (``truth``), mostly inside a
-``DontCare`` area, or lower than ``MIN_HEIGHT_PX``.
+out, neither right nor wrong, are detections on an ignored label (``data.kitti.label``), mostly
+inside a ``DontCare`` area, a tram or a trailer, or lower than ``MIN_HEIGHT_PX``.
 """
 
 import argparse
@@ -161,7 +161,7 @@ def _is_ignored(box: Box, ignored: Sequence[ObjectLabel], min_iou: float) -> boo
     boxes = np.array([label.box for label in ignored]).reshape(-1, 4)
     inside = _shared(box, boxes) / max(float(_area(np.array([box]))[0]), 1e-9)
     on_label = iou(box, boxes)
-    is_area = np.array([label.centre is None for label in ignored], dtype=bool)
+    is_area = np.array([label.is_area for label in ignored], dtype=bool)
     return bool(np.where(is_area, inside >= 0.5, on_label >= min_iou).any())
 
 

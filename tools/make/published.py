@@ -125,7 +125,6 @@ def tracking_trace(
         origin=drive.origin,
         provenance=provenance,
         report=report or ImportReport(root),
-        numbered=True,
     )
     return imported[name].trace
 

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.base import plugins
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.core.messages import Encoding
 from genie_sim.data.detectors import networks
 from genie_sim.data.detectors.boxes import MIN_SCORE
-from genie_sim.data.detectors.image_detector import ImageDetector
+from genie_sim.data.detectors.image_detector import ImageDetector, ThreadedDetector
 from genie_sim.data.detectors.onnx_session import CPU
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
@@ -82,6 +82,13 @@ class DetectorSettings:
             min_score=self.min_score,
             **network,
         )
+        if isinstance(detector, ThreadedDetector):
+            threads: object = detector.threads
+            if not (isinstance(threads, int) and threads > 0):
+                raise UserError(
+                    f"detector {self.name!r}: threads {short_repr(threads)} must be a whole number "
+                    "above 0"
+                )
         return detector
 
 

@@ -1,12 +1,17 @@
-"""A detector, whatever it runs, and what it finds in one picture."""
+"""A detector, whatever it runs, and what it finds in one picture.
+
+What each must have is ``ImageDetector``; what it may have beside, each by itself:
+``FeatureDetector``, ``ThreadedDetector``, ``TellingDetector``.
+"""
 
 from numbers import Real
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.boxes import MIN_SCORE, SHARES, DetectedBox, is_share
 
 FARTHEST_PX = 1e6  # that a box may lie from the corner of its picture
@@ -24,6 +29,8 @@ class ImageDetector(Protocol):
         Width and height of the network's input, in pixels; by default the network's own.
     min_score : float
         The lowest score, from 0 to 1, of what ``detect`` returns.
+    providers, threads, classes : optional
+        As in ``DetectorSettings``; given only where they are not as usual there.
     """
 
     name: ClassVar[str]
@@ -36,13 +43,7 @@ class ImageDetector(Protocol):
     """Width and height of its input, in pixels."""
 
     sha256: str
-    """Of its weights, 64 hexadecimal digits.
-
-    A detector may also have ``threads``, how many its network takes: pictures are then looked at
-    on several at once. And ``look``, which is asked in place of ``detect``: it gives the list that
-    ``detect`` does and the features of the picture by name, all as bytes of one length.
-    ``__init__`` gets ``threads``, ``providers`` and ``classes`` where they are not as usual.
-    """
+    """Of its weights, 64 hexadecimal digits."""
 
     def __init__(
         self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
@@ -59,6 +60,40 @@ class ImageDetector(Protocol):
         ...
 
 
+@runtime_checkable
+class FeatureDetector(Protocol):
+    """A detector that has features of a picture, too."""
+
+    def look(self, image_bgr: np.ndarray) -> tuple[list[DetectedBox], dict[str, bytes]]:
+        """Is asked in place of ``detect``: the same list, and the features of the picture by name,
+        those of one name as bytes of one length.
+        """
+        ...
+
+
+@runtime_checkable
+class ThreadedDetector(Protocol):
+    """A detector that looks at pictures on several threads."""
+
+    threads: int
+    """How many it takes for one picture."""
+
+
+@runtime_checkable
+class TellingDetector(Protocol):
+    """A detector that has something to tell at the end."""
+
+    def tell(self, report: ImportReport) -> None:
+        """What was found out about its network, and what of its answers was not used."""
+        ...
+
+
+def tell_network(report: ImportReport, detector: ImageDetector | None) -> None:
+    """Reports what a detector tells at the end, if it does."""
+    if isinstance(detector, TellingDetector):
+        detector.tell(report)
+
+
 def look(
     image_bgr: np.ndarray, detector: ImageDetector
 ) -> tuple[list[DetectedBox], dict[str, bytes]]:
@@ -66,40 +101,50 @@ def look(
     ``UserError`` for what one of the user's own gives that is no list of boxes, or for boxes that
     are no pixels of this picture.
     """
-    name = type(detector).__name__
+    where = f"detector {type(detector).__name__}"
+    boxes: Any
     features: Any = {}
-    if hasattr(detector, "look"):
-        both = detector.look(image_bgr)
+    if isinstance(detector, FeatureDetector):
+        where += ": look()"
+        both: Any = detector.look(image_bgr)
         if not (isinstance(both, tuple) and len(both) == 2 and isinstance(both[1], dict)):
             raise UserError(
-                f"detector {name}: look() gave {short_repr(both)}; it must give what detect() "
-                "does and a dict of features"
+                f"{where} gave {short_repr(both)}; it must give what detect() does and a dict of "
+                "features"
             )
         boxes, features = both
     else:
+        where += ": detect()"
         boxes = detector.detect(image_bgr)
     wrong: list[Any] = [boxes]
     if isinstance(boxes, list | tuple):
         wrong = [box for box in boxes if not _is_detected_box(box)]
     if wrong:
         raise UserError(
-            f"detector {name}: detect() gave {short_repr(wrong[0])}; it must give a "
-            "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
+            f"{where} gave {short_repr(wrong[0])}; it must give a list of DetectedBox(label, score "
+            "from 0 to 1, (x1, y1, x2, y2) in pixels)"
         )
-    if hasattr(detector, "look"):  # a network's boxes are cut at the border, and may be empty there
-        return list(boxes), features
-    places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
-    if is_share(places):
-        raise UserError(f"detector {name}: {SHARES}")
     height, width = image_bgr.shape[:2]
-    outside = (places[:, :2] >= (width, height)) | (places[:, 2:] <= 0)
+    places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
+    if is_share(places[(places[:, :2] > 0).any(axis=1)]):  # what the corner cuts may be small
+        raise UserError(f"{where}: {SHARES}")
+    outside = _are_outside(places, (width, height))
     if outside.any():
-        first = short_repr(boxes[int(outside.any(axis=1).argmax())])
+        first = short_repr(boxes[int(outside.argmax())])
         raise UserError(
-            f"detector {name}: detect() gave {first}, outside of its picture of "
-            f"{width} x {height} pixels"
+            f"{where} gave {first}, outside of its picture of {width} x {height} pixels"
         )
-    return list(boxes), {}
+    return list(boxes), features
+
+
+def _are_outside(places: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Which boxes (n, 4) show nothing of a picture of (width, height). One that is cut at the
+    border may be empty there.
+    """
+    low, high = places[:, :2], places[:, 2:]
+    touch = (low == size) | (high == 0)
+    beyond = (low > size) | (high < 0) | (touch & (low < high))
+    return np.asarray(beyond.any(axis=1))
 
 
 def _is_detected_box(found: Any) -> bool:

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.boxes import SHARES, is_share
 from genie_sim.data.detectors.onnx_detector import OnnxDetector, Scored
 
@@ -41,15 +42,15 @@ class YoloxNano(OnnxDetector):
         offset = np.median(np.abs(places - cells) / self.cell_strides)
         return bool(offset < DECODED and np.median(np.abs(places)) > DECODED)
 
-    @property
-    def notes(self) -> list[str]:
-        """What a user may want to know of the network."""
-        return [f"{self.name}: the network decodes its boxes itself"] * self.is_decoded
+    def tell(self, report: ImportReport) -> None:
+        super().tell(report)
+        if self.is_decoded:
+            report.chosen.append(f"{self.name}: the network decodes its boxes itself")
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(len(self.cells), 5 + len(self.labels))]
 
-    def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
+    def probabilities(self, outputs: Sequence[np.ndarray], scores: np.ndarray) -> np.ndarray:
         return outputs[0][:, 4:]
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:

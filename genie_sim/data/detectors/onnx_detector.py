@@ -19,6 +19,7 @@ import numpy as np
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.features import packed
+from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detectors.boxes import (
     COCO_LABELS,
     MIN_SCORE,
@@ -77,7 +78,8 @@ class OnnxDetector(ABC):
         threads: int = 1,
         classes: Mapping[str, str] | None = None,
     ) -> None:
-        """Loads ``weights``. Raises UserError where they are no such network, or a setting is
+        """Loads ``weights``: reads the network, checks size and classes, opens a session, and looks
+        at a grey picture. Raises UserError where they are no such network, or a setting is
         impossible.
 
         Parameters
@@ -91,71 +93,79 @@ class OnnxDetector(ABC):
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
+        self.weights, self.min_score, self.threads = weights, min_score, threads
         network, self.sha256 = read_network(weights, self.input_count, self.output_count)
-        self.weights = weights
-        self._activation = add_last_activation(network.graph) if self.gap else False
+        self._has_gap = bool(self.gap) and add_last_activation(network.graph)
         self.size = size or self.default_size or _own_size(weights, network)
-        width, height = self.size
-        if any(side <= 0 or side % max(self.strides) for side in self.size):
-            raise UserError(
-                f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}"
-            )
-        if width * height > MAX_PIXELS:
-            raise UserError(
-                f"detector {self.name}: size {width}x{height}: more than {MAX_PIXELS:,} pixels"
-            )
-        self.min_score, self.threads = min_score, threads
-        self.labels = self.labels_of(
-            weights, {entry.key: entry.value for entry in network.metadata_props}
-        )
+        self._check_size()
+        self.cells, self.cell_strides = _cells(self.size, self.strides)
+        self.labels = _labels_of(weights, network)
         self._classes = tuple((classes or {}).get(label, label) for label in self.labels)
-        if not ROAD_LABELS & {*self._classes}:
-            some = ", ".join(self.labels[:8])
-            raise UserError(
-                f"{weights}: none of the network's classes ({some}) is of a road: say "
-                f"--map LABEL=CLASS; classes: {', '.join(sorted(ROAD_LABELS))}"
-            )
+        self._check_classes()
         self._unused: Counter[str] = Counter()
         self._lock = threading.Lock()
-        self.cells, self.cell_strides = _cells(self.size, self.strides)
         with bounded_memory(weights, network, self.size, providers):
             self._session = open_session(
                 weights, network, self.size, providers=providers, threads=threads
             )
-            first = self._session.get_inputs()[0]
-            if first.type not in KINDS:
-                raise UserError(
-                    f"{weights}: its input is a {first.type}; known: {', '.join(KINDS)}: export "
-                    "it so"
-                )
-            self._input, self._kind = first.name, KINDS[first.type]
+            self._input, self._kind = self._first_input()
             with bounded_time(weights) as options:
-                self._check_outputs(options)
+                self._look_at_grey(options)
 
-    @classmethod
-    def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
-        """The names of the network's classes, in the order of its outputs: those in the file's
-        metadata (``names``), else COCO's.
-        """
-        if "names" not in metadata:
-            return COCO_LABELS
-        try:
-            names = ast.literal_eval(metadata["names"])
-            labels = tuple(str(names[number]) for number in range(len(names)))
-        except (ValueError, SyntaxError, KeyError, TypeError, MemoryError, RecursionError) as error:
+    def _check_size(self) -> None:
+        if any(side <= 0 or side % max(self.strides) for side in self.size):
             raise UserError(
-                f"{weights}: metadata: names: not a list of classes: {metadata['names'][:60]!r}"
-            ) from error
-        if not labels:
-            raise UserError(f"{weights}: metadata: names: the network has no classes")
-        return labels
+                f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}"
+            )
+        width, height = self.size
+        if width * height > MAX_PIXELS:
+            raise UserError(
+                f"detector {self.name}: size {width}x{height}: more than {MAX_PIXELS:,} pixels"
+            )
 
-    @property
-    def unused(self) -> dict[str, int]:
-        """How many objects were found so far, by each of the network's labels that is no class of a
-        road; those of COCO, which nobody expects there, do not count.
+    def _check_classes(self) -> None:
+        if not ROAD_LABELS & {*self._classes}:
+            some = ", ".join(self.labels[:8])
+            raise UserError(
+                f"{self.weights}: none of the network's classes ({some}) is of a road: say "
+                f"--map LABEL=CLASS; classes: {', '.join(sorted(ROAD_LABELS))}"
+            )
+
+    def _first_input(self) -> tuple[str, Any]:
+        """The name of the pictures' input, and of which kind its numbers are."""
+        first = self._session.get_inputs()[0]
+        if first.type not in KINDS:
+            raise UserError(
+                f"{self.weights}: its input is a {first.type}; known: {', '.join(KINDS)}: export "
+                "it so"
+            )
+        return first.name, KINDS[first.type]
+
+    def _look_at_grey(self, options: Any) -> None:
+        """One run on a grey picture tells a network with other inputs or outputs."""
+        blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
+        wrong = f"{self.weights}: is no {self.name} network"
+        with as_user_error(wrong, Exception):
+            self.grey_outputs = self.infer(blob, options)[: self.output_count]
+        shapes = [output.shape for output in self.grey_outputs]
+        expected = self.output_shapes()
+        if not all(map(_fits, shapes, expected)):
+            wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
+            raise UserError(
+                f"{wrong}: its output is {', '.join(map(str, shapes))}, expected {wanted}; "
+                "--detector names other kinds, 'genie-sim list detectors' tells their outputs"
+            )
+        self._decoded(self.grey_outputs)
+        if doubt := self.doubt():
+            raise UserError(f"{wrong}: {doubt}")
+
+    def tell(self, report: ImportReport) -> None:
+        """How many objects were found, by each of the network's labels that is no class of a road;
+        those of COCO, which nobody expects there, do not count.
         """
-        return {label: self._unused[label] for label in self._classes if label not in QUIET_LABELS}
+        for label in self._classes:
+            if label not in QUIET_LABELS:
+                report.leave_label(label, self._unused[label])
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """The network's input (1, 3, height, width) from a picture (height, width, 3), and how much
@@ -176,9 +186,11 @@ class OnnxDetector(ABC):
         """Why ``grey_outputs`` cannot mean what ``decode`` takes them for; ``""``: they can."""
         return ""
 
-    def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
-        """What must lie between 0 and 1 in the outputs of one picture."""
-        return self.decode(outputs)[1]
+    def probabilities(self, outputs: Sequence[np.ndarray], scores: np.ndarray) -> np.ndarray:
+        """What must lie between 0 and 1 in the outputs of one picture, whose decoded scores are
+        (n, classes).
+        """
+        return scores
 
     @abstractmethod
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
@@ -194,12 +206,25 @@ class OnnxDetector(ABC):
             for output in self._session.run(None, feed, options)
         ]
 
+    def _decoded(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """As ``decode``. Raises UserError for scores that are no probabilities, of whichever
+        picture.
+        """
+        boxes, scores = self.decode(outputs)
+        shares = self.probabilities(outputs, scores)
+        low, high = shares.min(initial=0.0), shares.max(initial=0.0)
+        if not (low >= -SCORE_SLACK and high <= 1 + SCORE_SLACK):
+            raise UserError(
+                f"{self.weights}: its scores, from {low:.3g} to {high:.3g}, are no probabilities: "
+                "was it exported without the sigmoid?"
+            )
+        return boxes, scores
+
     def _best_boxes(
         self, outputs: Sequence[np.ndarray], scale: float, shape: tuple[int, ...]
     ) -> list[DetectedBox]:
         """Road users and furniture in a picture of (height, width), best score first."""
-        boxes, scores = self.decode(outputs)
-        self._check_scores(outputs)
+        boxes, scores = self._decoded(outputs)
         likely = boxes[scores.max(axis=1, initial=0.0) >= self.min_score]
         if is_share(likely):
             raise UserError(f"{self.weights}: {SHARES}")
@@ -227,36 +252,8 @@ class OnnxDetector(ABC):
         blob, scale = self.prepare(image_bgr)
         outputs = self.infer(blob)
         boxes = self._best_boxes(outputs[: self.output_count], scale, image_bgr.shape)
-        gap = {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
+        gap = {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._has_gap else {}
         return boxes, gap
-
-    def _check_outputs(self, options: Any) -> None:
-        """One run on a grey picture tells a network with other inputs or outputs."""
-        blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
-        wrong = f"{self.weights}: is no {self.name} network"
-        with as_user_error(wrong, Exception):
-            self.grey_outputs = self.infer(blob, options)[: self.output_count]
-        shapes = [output.shape for output in self.grey_outputs]
-        expected = self.output_shapes()
-        if not all(map(_fits, shapes, expected)):
-            wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
-            raise UserError(
-                f"{wrong}: its output is {', '.join(map(str, shapes))}, expected {wanted}; "
-                "--detector names other kinds, 'genie-sim list detectors' tells their outputs"
-            )
-        self._check_scores(self.grey_outputs)
-        if doubt := self.doubt():
-            raise UserError(f"{wrong}: {doubt}")
-
-    def _check_scores(self, outputs: Sequence[np.ndarray]) -> None:
-        """Raises UserError for scores that are no probabilities, of whichever picture."""
-        scores = self.probabilities(outputs)
-        low, high = scores.min(initial=0.0), scores.max(initial=0.0)
-        if not (low >= -SCORE_SLACK and high <= 1 + SCORE_SLACK):
-            raise UserError(
-                f"{self.weights}: its scores, from {low:.3g} to {high:.3g}, are no probabilities: "
-                "was it exported without the sigmoid?"
-            )
 
 
 def _fits(shape: Sequence[int], layout: Sequence[int | None]) -> bool:
@@ -278,6 +275,25 @@ def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray,
         scaled, 0, below, 0, right, borderType=cv2.BORDER_CONSTANT, value=(GREY, GREY, GREY)
     )
     return grey, scale
+
+
+def _labels_of(weights: Path, network: Any) -> tuple[str, ...]:
+    """The names of the network's classes, in the order of its outputs: those in the file's metadata
+    (``names``), else COCO's. Raises UserError.
+    """
+    text = {entry.key: entry.value for entry in network.metadata_props}.get("names")
+    if text is None:
+        return COCO_LABELS
+    try:
+        names = ast.literal_eval(text)
+        labels = tuple(str(names[number]) for number in range(len(names)))
+    except (ValueError, SyntaxError, KeyError, TypeError, MemoryError, RecursionError) as error:
+        raise UserError(
+            f"{weights}: metadata: names: not a list of classes: {text[:60]!r}"
+        ) from error
+    if not labels:
+        raise UserError(f"{weights}: metadata: names: the network has no classes")
+    return labels
 
 
 def _own_size(weights: Path, network: Any) -> tuple[int, int]:

@@ -14,9 +14,9 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, regular, sha256_of
+from genie_sim.data.kitti.drive_name import ODOMETRY, DriveName
 from genie_sim.data.kitti.layouts import (
     CAMERAS,
-    ODOMETRY,
     Layout,
     numbered,
     odometry_layout,
@@ -154,9 +154,9 @@ def open_drive(
     for camera in cameras:
         if camera not in CAMERAS:
             raise UserError(f"{drive}: {unknown('camera', camera, CAMERAS)}")
-    layout = (odometry_layout if drive.startswith(ODOMETRY) else raw_layout)(
-        root, drive, cameras, origin
-    )
+    name = DriveName.parse(drive)
+    layout_of = odometry_layout if name.part == ODOMETRY else raw_layout
+    layout = layout_of(root, name, cameras, origin)
     pictures = {camera: _pictures(layout.pictures[camera], camera, report) for camera in cameras}
     indices = sorted({index for sequence in pictures.values() for index in sequence})
     scans = numbered(layout.scans, "bin")
@@ -174,7 +174,7 @@ def open_drive(
         paths[index] for paths in (layout.pose_files, scans) for index in used if index in paths
     ]
     return KittiDrive(
-        name=drive,
+        name=str(name),
         attribution=layout.attribution,
         origin=layout.origin,
         frames=frames,
@@ -188,17 +188,13 @@ def open_drive(
     )
 
 
-def read_image(path: Path) -> np.ndarray:
-    """A picture as (height, width, 3) bytes in OpenCV's order blue, green, red. UserError for an
-    unreadable file.
+def read_image(path: Path) -> tuple[np.ndarray, bytes]:
+    """A picture as (height, width, 3) bytes in OpenCV's order blue, green, red, and the bytes of
+    its file. UserError for an unreadable one.
     """
-    return decode_image(path, read_bytes(path))
-
-
-def decode_image(path: Path, data: bytes) -> np.ndarray:
-    """As ``read_image``, of a file whose bytes have been read."""
     import cv2
 
+    data = read_bytes(path)
     # Some versions of OpenCV show the upper half of half a file, so its end is looked at first.
     whole = data.endswith(LAST_BYTES[path.suffix])
     image = None
@@ -207,7 +203,7 @@ def decode_image(path: Path, data: bytes) -> np.ndarray:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise UserError(f"{path}: not a readable image, or cut short ({len(data)} bytes)")
-    return image
+    return image, data
 
 
 def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:

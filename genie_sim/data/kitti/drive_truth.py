@@ -5,7 +5,6 @@ missing, so an object without a label nearby is not always a ghost.
 """
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,25 +16,33 @@ from genie_sim.base.paths import sha256_of
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Location
 from genie_sim.data.intake import check_distances, truth_row
+from genie_sim.data.kitti.drive_name import TRACKING, DriveName
 from genie_sim.data.kitti.label import ObjectLabel, PictureKey
-from genie_sim.data.kitti.layouts import drive_folders
+from genie_sim.data.kitti.layouts import raw_drives
 from genie_sim.data.kitti.tracking_labels import labels_of_sequence
-from genie_sim.data.kitti.tracking_sequence import CAMERA, TRACKING
+from genie_sim.data.kitti.tracking_sequence import CAMERA
 from genie_sim.data.kitti.tracklets import labels_of_drive
 from genie_sim.data.trace import Trace
 from genie_sim.data.truth import TruthObject, TruthTable
 
 TRACKLETS = "tracklet_labels.xml"
-RAW_DRIVE = re.compile(r"\d{4}_\d{2}_\d{2}/\d{4}", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
 class PictureLabels:
-    """The labels of all pictures of a trace, by picture, and the tracks that move, by number."""
+    """The labels of all pictures of a trace, by picture, out of the file of a drive, and the tracks
+    that move, by number.
+    """
 
-    source: str
+    drive: DriveName
+    path: Path
     pictures: Mapping[PictureKey, list[ObjectLabel]]
     moving: frozenset[int]
+
+    @property
+    def source(self) -> str:
+        """Which labels they are."""
+        return f"{'tracklets' if self.drive.is_raw else 'label_02'} of {self.drive}"
 
 
 def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
@@ -44,7 +51,8 @@ def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
 
     Raises UserError for labels that are missing or broken, and where they are not of this drive.
     """
-    in_sequence = drive.startswith(TRACKING)
+    name = DriveName.parse(drive)
+    in_sequence = name.part == TRACKING
     pictures: dict[PictureKey, list[ObjectLabel]] = {
         (camera, frame.index): []
         for camera in trace.frames
@@ -52,34 +60,28 @@ def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
         if camera == CAMERA or not in_sequence
     }
     labels_of = labels_of_sequence if in_sequence else labels_of_drive
-    path = label_file(Path(root), drive)
-    for picture, label in labels_of(Path(root), drive, path, trace):
+    path = label_file(Path(root), name)
+    for picture, label in labels_of(Path(root), name, path, trace):
         pictures[picture].append(label)
-    source = f"label_02 of {drive}" if in_sequence else f"tracklets of {drive}"
-    return PictureLabels(source, pictures, _moving(pictures, trace))
+    return PictureLabels(name, path, pictures, _moving(pictures, trace))
 
 
-def label_file(root: Path, drive: str) -> Path:
+def label_file(root: Path, drive: DriveName) -> Path:
     """The file with the labels of a drive: tracklets of ``2011_09_26/0005``, ``label_02`` of
     ``tracking/0000``.
 
     Raises UserError, naming the labelled drives of both kinds, where there is none.
     """
-    date, _, number = drive.partition("/")
-    label_02, path = root / "tracking" / "training" / "label_02", None
-    if drive.startswith(TRACKING):
-        path = label_02 / f"{number}.txt"
-    elif RAW_DRIVE.fullmatch(drive):
-        path = root / date / f"{date}_drive_{number}_sync" / TRACKLETS
-    if path is None or not path.is_file():
-        choices = [
-            name for name, folder in drive_folders(root).items() if (folder / TRACKLETS).is_file()
-        ]
-        choices += [f"{TRACKING}{file.stem}" for file in label_02.glob("*.txt")]
-        missing = "" if path is None else f"{path.relative_to(root)}: no such file; "
+    label_02 = root / TRACKING / "training" / "label_02"
+    path = root / drive.folder / TRACKLETS
+    if drive.part == TRACKING:
+        path = label_02 / f"{drive.number}.txt"
+    if not path.is_file():
+        raw = (name for name in raw_drives(root) if (root / name.folder / TRACKLETS).is_file())
+        choices = [*map(str, raw), *(f"{TRACKING}/{file.stem}" for file in label_02.glob("*.txt"))]
         raise UserError(
-            f"{root}: {missing}{unknown('labelled drive', drive, choices)} (tracklets of a raw "
-            "drive DATE/NUMBER, or label_02 of a sequence tracking/NUMBER)"
+            f"{path}: no such file; {unknown('labelled drive', str(drive), choices)} (tracklets of "
+            "a raw drive DATE/NUMBER, or label_02 of a sequence tracking/NUMBER)"
         )
     return path
 
@@ -144,11 +146,11 @@ def make_truth(
     report.read("labels", len(rows))
     check_distances(report, distances_m)
     if not rows:
-        raise UserError(f"{root}: no object of {drive} is in view of the trace {trace.name}")
+        raise UserError(f"{root}: no object of {truth.drive} is in view of the trace {trace.name}")
     provenance = {
-        "drive": drive,
+        "drive": str(truth.drive),
         "labels": truth.source,
-        "labels_sha256": sha256_of(label_file(Path(root), drive)),
+        "labels_sha256": sha256_of(truth.path),
     }
     return TruthTable(
         trace.digest,

@@ -22,16 +22,18 @@ GROUP_OF = {
     "Person_sitting": "persons",
     "Person (sitting)": "persons",
     "Cyclist": "persons",
+    "Tram": "vehicles",
+    "Misc": "vehicles",
 }
-# of others, what is found there; ``anything`` else, such as ``DontCare``
-IGNORED = {"Tram": "vehicles", "Misc": "vehicles"}
+IGNORED = frozenset({"Tram", "Misc"})  # a vehicle found there is neither right nor wrong
 
 PictureKey = tuple[str, int]  # camera and frame number
 
 
 class ObjectLabel(NamedTuple):
-    """One label in one picture. ``counts``: in KITTI's benchmark. ``centre`` is in the trace's
-    world, ``None`` for an area that is no object.
+    """One label in one picture. ``group``: what a detector finds there, ``anything`` in an area
+    such as ``DontCare``. ``counts``: in KITTI's benchmark. ``centre`` is in the trace's world,
+    ``None`` for what is no object. ``is_area``: all that lies inside its box is ignored.
     """
 
     track: int
@@ -39,6 +41,7 @@ class ObjectLabel(NamedTuple):
     box: Box
     counts: bool
     centre: Location | None
+    is_area: bool = False
 
 
 def object_label(
@@ -46,9 +49,10 @@ def object_label(
 ) -> ObjectLabel:
     """What a label counts for in KITTI's benchmark, by KITTI's type and codes."""
     if kind not in GROUP_OF:
-        group = IGNORED.get(kind, "anything")
-        return ObjectLabel(track, group, box, counts=False, centre=None)
+        return ObjectLabel(track, "anything", box, counts=False, centre=None, is_area=True)
     high_enough = box[3] - box[1] >= MIN_HEIGHT_PX
     counts = high_enough and truncation in (0, 1) and occlusion in (0, 1, 2)
     east_m, north_m, up_m = centre.tolist()
-    return ObjectLabel(track, GROUP_OF[kind], box, counts, (east_m, north_m, up_m))
+    is_area = kind in IGNORED
+    place = (east_m, north_m, up_m)
+    return ObjectLabel(track, GROUP_OF[kind], box, counts and not is_area, place, is_area)

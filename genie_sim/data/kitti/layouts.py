@@ -18,6 +18,7 @@ import numpy as np
 from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.paths import regular
+from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.number_files import (
     are_plausible,
     numbers,
@@ -30,7 +31,6 @@ from genie_sim.data.world_table import SOMEWHERE
 
 CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
-ODOMETRY = "odometry/"
 ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``sequences`` may be
 # The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
 WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
@@ -70,39 +70,36 @@ class Layout:
     decisive: Sequence[Path]
 
 
-def drive_folders(root: Path) -> dict[str, Path]:
-    """The folders of all raw drives, by names such as ``2011_09_26/0005``."""
-    folders = {}
-    for folder in root.glob("*/*_sync"):
-        match = re.fullmatch(r"(.+)_drive_(\d+)_sync", folder.name)
-        if match:
-            folders[f"{match[1]}/{match[2]}"] = folder
-    return folders
+def raw_drives(root: Path) -> list[DriveName]:
+    """All raw drives in KITTI's folder."""
+    names = (DriveName.match(path.name) for path in root.glob("*/*_sync"))
+    return sorted(name for name in names if name and (root / name.folder).is_dir())
 
 
-def _drive_folder(root: Path, drive: str) -> Path:
+def _drive_folder(root: Path, drive: DriveName) -> Path:
     if not root.is_dir():
         raise UserError(f"{root}: no such KITTI folder")
-    folders = drive_folders(root)
-    if not folders:
+    drives = raw_drives(root)
+    if not drives:
         raise UserError(
             f"{root}: no drives here; expected folders like 2011_09_26/2011_09_26_drive_0005_sync"
         )
-    if drive not in folders:
-        raise UserError(f"{root}: {unknown('drive', drive, folders)}")
-    return folders[drive]
+    if drive not in drives:
+        raise UserError(f"{root}: {unknown('drive', str(drive), map(str, drives))}")
+    return root / drive.folder
 
 
-def raw_layout(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None) -> Layout:
+def raw_layout(
+    root: Path, drive: DriveName, cameras: Sequence[str], origin: Geodetic | None
+) -> Layout:
     """Of a raw drive."""
     import pykitti
 
     folder = _drive_folder(root, drive)
-    date, number = drive.split("/")
     calibration_files = [folder.parent / name for name in CALIBRATION_FILES]
     _check_regular([*calibration_files, folder / "oxts" / "timestamps.txt"])
     with np.errstate(all="ignore"), as_user_error(f"{folder.parent}: calibration", *BROKEN):
-        calibration = pykitti.raw(str(root), date, number, frames=()).calib
+        calibration = pykitti.raw(str(root), *drive, frames=()).calib
         rows = pykitti.utils.read_calib_file(calibration_files[0])
     _check_calibration(folder.parent, calibration)
     pose_files = numbered(folder / "oxts" / "data", "txt")
@@ -129,12 +126,12 @@ def raw_layout(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic 
 
 
 def odometry_layout(
-    root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None
+    root: Path, drive: DriveName, cameras: Sequence[str], origin: Geodetic | None
 ) -> Layout:
     """Of a sequence of the odometry benchmark."""
     import pykitti
 
-    number = drive.removeprefix(ODOMETRY)
+    number = drive.number
     places = [root / name for name in ODOMETRY_FOLDERS if (root / name / "sequences").is_dir()]
     if not places:
         raise UserError(f"{root}: no folder 'sequences' of KITTI's odometry benchmark")

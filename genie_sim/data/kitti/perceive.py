@@ -15,14 +15,14 @@ from genie_sim.base.progress import Progress
 from genie_sim.data.detectors import placement
 from genie_sim.data.detectors.boxes import NMS_IOU
 from genie_sim.data.detectors.detector import DetectorSettings, detector_facts
-from genie_sim.data.detectors.image_detector import ImageDetector
-from genie_sim.data.intake import tell_network, traces
+from genie_sim.data.detectors.image_detector import ImageDetector, tell_network
+from genie_sim.data.intake import traces
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, open_drive
+from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.pipeline import trace_frames
 from genie_sim.data.trace import Trace
 
 DEFAULT_DETECTOR = DetectorSettings()
-TRACE_PREFIXES = {"2011_09_26": "kitti", "odometry": "odometry"}  # else the date is in the name
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -93,24 +93,15 @@ def perceive(
         if progress is not None:
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
-    name = trace_name(frames.drive)
+    name = DriveName.parse(drive.name).trace
     imported = traces(
         {name: pictures},
         origin=drive.origin,
         provenance=_provenance(drive, network, detector),
         report=report,
         first_ns=drive.first_stamp_ns,
-        numbered=True,
     )
     return imported[name].trace
-
-
-def trace_name(drive: str) -> str:
-    """What the trace of a drive is called: ``kitti_0005`` on the day of most drives,
-    ``kitti_2011_09_28_0016`` on another, whose drives have numbers of their own, ``odometry_05``.
-    """
-    folder, _, number = drive.partition("/")
-    return f"{TRACE_PREFIXES.get(folder, f'kitti_{folder}')}_{number}"
 
 
 def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:

@@ -10,12 +10,11 @@ from operator import attrgetter
 import cv2
 
 from genie_sim.base.geometry import Array
-from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
-from genie_sim.data.detectors.image_detector import ImageDetector, look
+from genie_sim.data.detectors.image_detector import ImageDetector, ThreadedDetector, look
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.encoding import picture_of
-from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
+from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, read_image
 from genie_sim.data.reader_frames import picture_frame, placed
 from genie_sim.data.trace import TraceFrame
 
@@ -46,9 +45,6 @@ def trace_frames(
     detector : what looks
     encoding : of the pictures before the detector sees them
     """
-    workers = 1
-    if hasattr(detector, "threads"):
-        workers = max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
 
     def perceived(of_number: Sequence[CameraFrame]) -> list[TraceFrame]:
         scan = drive.scan(of_number[0].index)
@@ -58,8 +54,7 @@ def trace_frames(
         return [perceived_in(frame, scan, ground) for frame in of_number]
 
     def perceived_in(frame: CameraFrame, scan: Array | None, ground: Plane) -> TraceFrame:
-        data = read_bytes(frame.image_path)
-        image = decode_image(frame.image_path, data)
+        image, data = read_image(frame.image_path)
         picture, image = picture_of(image, data, encoding)
         frame.check_size(picture.size)
         camera_SE3_velo = drive.camera_SE3_velo(frame.camera)
@@ -77,8 +72,15 @@ def trace_frames(
         )
 
     numbers = (tuple(of_number) for _, of_number in groupby(frames, attrgetter("index")))
-    with _one_thread_of_opencv(), ThreadPoolExecutor(workers) as threads:
+    with _one_thread_of_opencv(), ThreadPoolExecutor(_workers(detector)) as threads:
         yield from chain.from_iterable(threads.map(perceived, numbers))
+
+
+def _workers(detector: ImageDetector) -> int:
+    """How many pictures a detector looks at at once."""
+    if not isinstance(detector, ThreadedDetector):
+        return 1
+    return max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
 
 
 @contextmanager

@@ -7,14 +7,10 @@ from pathlib import Path
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.geometry import transform
 from genie_sim.core.messages import Location
+from genie_sim.data.kitti.drive_name import TRACKING, DriveName
 from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
-from genie_sim.data.kitti.tracking_sequence import (
-    CAMERA,
-    TRACKING,
-    TrackingSequence,
-    open_sequence,
-)
+from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence
 from genie_sim.data.trace import Trace
 
 # A trace's camera this near to a sequence's, at the same frame, has recorded the same drive.
@@ -22,13 +18,13 @@ SAME_PLACE_M = 1.0
 
 
 def labels_of_sequence(
-    root: Path, name: str, path: Path, trace: Trace
+    root: Path, name: DriveName, path: Path, trace: Trace
 ) -> Iterator[tuple[PictureKey, ObjectLabel]]:
     """The labels in a file for the pictures of a trace of the same drive. Raises UserError where it
     is another.
     """
-    training, sequence = root / "tracking" / "training", name.removeprefix(TRACKING)
-    drive = open_sequence(training, sequence, trace.origin)
+    training = root / TRACKING / "training"
+    drive = open_sequence(training, name.number, trace.origin)
     frames = trace.frames.get(CAMERA)
     if frames is None:
         cameras = ", ".join(trace.frames)
@@ -36,7 +32,7 @@ def labels_of_sequence(
     for frame in frames:
         if not _is_at(drive, frame.index, frame.pose[:3]):
             raise UserError(
-                f"{training}: sequence {sequence} is not the drive of this trace "
+                f"{training}: sequence {name.number} is not the drive of this trace "
                 f"(frame {frame.index})"
             )
     indices = {frame.index for frame in frames}

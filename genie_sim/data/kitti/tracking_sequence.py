@@ -12,7 +12,6 @@ from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.data.kitti.number_files import matrices, named_rows
 from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
-TRACKING = "tracking/"  # so the name of a drive begins that is a sequence of the benchmark
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
 # Matrices, as KITTI spells them (the benchmark's files do it in two ways), and how many columns
 # they have.

@@ -12,6 +12,7 @@ from genie_sim.base.geometry import Array, project, rotation_from_rpy, transform
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Box
 from genie_sim.data.kitti.drive import open_drive
+from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
 from genie_sim.data.kitti.number_files import are_plausible
 from genie_sim.data.trace import Trace
@@ -76,12 +77,12 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 
 
 def labels_of_drive(
-    root: Path, name: str, path: Path, trace: Trace
+    root: Path, name: DriveName, path: Path, trace: Trace
 ) -> Iterator[tuple[PictureKey, ObjectLabel]]:
     """The labels in a file of tracklets for the pictures of a trace of the drive of this name."""
     objects = tracklets(path)
     drive = open_drive(
-        root, name, sorted(trace.frames), origin=trace.origin, allow_missing_scans=True
+        root, str(name), sorted(trace.frames), origin=trace.origin, allow_missing_scans=True
     )
     for camera, frames in trace.frames.items():
         frames_by_index = {frame.index: frame for frame in drive.frames[camera]}

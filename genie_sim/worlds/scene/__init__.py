@@ -29,10 +29,11 @@ A car drives, and its left camera looks at its first frame:
 
 What to change where: what there is, in the world's own room; what is in view of it, ``view`` and
 the world's ``visibility``; what a detector makes of that, ``detector``, and how likely, ``laws``;
-which bits of a key are which random number, ``keys`` alone.
+which bits of a key are which random number, ``keys`` alone; and nothing in ``kept_words``. What a
+world of one's own has to give, ``scene.Scene`` says, and ``tests/conformance/scenes.py`` tests.
 
 All of these are columns: tuples of arrays of one length, an entry for each thing. Four numbers say
-which thing, and are called the same everywhere, as are three distances:
+which thing, and are called the same everywhere, as are four distances:
 
 ========== ===========================================================================
 ``index``  a frame among all of its camera's drive
@@ -42,6 +43,7 @@ which thing, and are called the same everywhere, as are three distances:
 ``away_m`` how far away an object is
 ``view_m`` how far a detector looks
 ``range_m`` up to where objects are judged; in ``laws.json``, middles of bins of distances
+``sight_m`` up to where it is known what is in view: the farther of these two
 ========== ===========================================================================
 
 So ``visible.row[k]`` is in view in ``visible.slot[k]``; there are as many ``k`` as objects are in

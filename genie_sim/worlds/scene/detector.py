@@ -21,20 +21,17 @@ from genie_sim.base.spans import Ints
 from genie_sim.core.messages import Detection, Location
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
 from genie_sim.worlds.scene import keys, noise
+from genie_sim.worlds.scene.kept_words import PLACED_BY
 from genie_sim.worlds.scene.laws import (
     MAX_VIEW_M,
     MIDDLE,
     STEPS_PER_Z,
-    VIEW_STEP_M,
     Copula,
     FittedLaws,
     quantile,
 )
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, Bits, ObjectColumns
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
-
-# What is written as ``placed_by`` of the detections in towns and traffic: kept runs have it so.
-PLACED_BY = "town"
 
 
 def detection(label: str, score: float, location: Location) -> Detection:
@@ -70,8 +67,8 @@ class _Looks(NamedTuple):
     whole_m: Ints
     """How far away it is, in whole metres: the row of a copula's table."""
 
-    step: Ints
-    """How far the view has changed, in steps of ``VIEW_STEP_M``: picks the smooth numbers."""
+    view: Ints
+    """The row of the smooth numbers (``noise.smooth_row``)."""
 
     key: Bits
     """Of the object in this frame: picks the numbers that are new at each look."""
@@ -91,28 +88,23 @@ class SyntheticDetector:
         view_m: float = MAX_VIEW_M,
     ) -> None:
         """``objects`` are all that may be in view; ``on_grid``: streets lead east and north, as a
-        town's, and not anywhere; nothing is found farther away than ``view_m``.
+        town's, and not anywhere; nothing is found farther away than ``view_m`` [m].
         """
         self._objects, self._laws = objects, laws
         self._on_grid, self._view_m = on_grid, view_m
-        self._normals = np.array(noise.normals())
 
     def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
         """What it finds of the objects in view (n,) from some poses (slots,)."""
         objects, laws = self._objects, self._laws
+        visible = visible.only(visible.away_m <= self._view_m)
         looks = self._looks(visible, poses)
         score = self._drawn(laws.score, objects.score_z[visible.row], looks, keys.LOOK_SCORE)
         found = np.flatnonzero(score)
-        slot, row = visible.slot[found], visible.row[found]
-        away_m = visible.away_m[found]
+        slot, row, _, east_m, north_m, away_m = visible.only(found)
         looks = _Looks._make(column[found] for column in looks)
         # Errors as shares of the distance, so that the line of sight need not be of length 1.
-        along, across = (
-            looks._replace(step=looks.step + apart) for apart in (noise.ALONG, noise.ACROSS)
-        )
-        behind = self._drawn(laws.along, objects.along_z[row], along, keys.LOOK_ALONG) / away_m
-        left = self._drawn(laws.across, objects.across_z[row], across, keys.LOOK_ACROSS) / away_m
-        east_m, north_m = visible.east_m[found], visible.north_m[found]
+        behind = self._drawn(laws.along, objects.along_z[row], looks, keys.LOOK_ALONG) / away_m
+        left = self._drawn(laws.across, objects.across_z[row], looks, keys.LOOK_ACROSS) / away_m
         dx, dy = east_m - poses.east_m[slot], north_m - poses.north_m[slot]
         placed = np.empty((len(found), 4))
         placed[:, 0], placed[:, 3] = score[found], objects.up_m[row]
@@ -151,27 +143,29 @@ class SyntheticDetector:
         """One for each object in view (n,)."""
         objects, slot, row = self._objects, visible.slot, visible.row
         if self._on_grid:
-            gone_m, apart = _gone(poses)
-            step = ((visible.away_m - gone_m[slot]) / VIEW_STEP_M).astype(np.int64)
-            step += objects.offset[row] + apart[slot]
+            gone_m, direction = _gone(poses)
+            changed_m = visible.away_m - gone_m[slot]
+            view = noise.smooth_row(changed_m, objects.offset[row], direction[slot])
         else:
             # How far the camera has gone past the object: on a straight street the same but for a
             # number that stays with each object, and in a bend without a jump.
             dx, dy = visible.east_m - poses.east_m[slot], visible.north_m - poses.north_m[slot]
             ahead_m = dx * poses.cos[slot] + dy * poses.sin[slot]
-            step = ((visible.away_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
-            step += objects.offset[row]
-        key = keys.look_keys(objects.key[row], poses.key[slot])
-        whole_m = (visible.away_m + 0.5).astype(np.int64)
-        return _Looks(group=objects.group[row], whole_m=whole_m, step=step, key=key)
+            view = noise.smooth_row(visible.away_m + ahead_m, objects.offset[row])
+        return _Looks(
+            group=objects.group[row],
+            whole_m=(visible.away_m + 0.5).astype(np.int64),
+            view=view,
+            key=keys.look_keys(objects.key[row], poses.key[slot]),
+        )
 
     def _drawn(self, copula: Copula, lasting_z: Array, looks: _Looks, draw: keys.BitField) -> Array:
         """A value (n,) of a copula's table for each look: for the sum of what stays with the object
         (``lasting_z``), of its view and of this look, whose ``draw`` are these bits of its key.
         """
         group = looks.group
-        normal = self._normals[draw.of(looks.key).astype(np.int64)]
-        z = lasting_z + copula.view_weight[group] * copula.views[group, noise.VIEWS.of(looks.step)]
+        normal = noise.normals()[draw.of(looks.key)]
+        z = lasting_z + copula.view_weight[group] * copula.views[group, looks.view]
         z += copula.look_weight[group] * normal
         column = (z * STEPS_PER_Z + MIDDLE).astype(np.int64)
         values: Array = copula.table[group, looks.whole_m, column]
@@ -190,8 +184,8 @@ class SyntheticDetector:
 
 
 def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
-    """How far [m] the camera has gone along its street (slots,), and how many rows the smooth
-    numbers of its direction are apart from those of the east (slots,).
+    """How far [m] the camera has gone along its street (slots,), and the number of its direction
+    (slots,): 0 to 3 for east, west, north and south.
 
     The view changes as the camera goes on and the range shrinks; turning into another street is
     another view.
@@ -200,4 +194,4 @@ def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
     is_backwards = np.where(is_along_east, poses.cos, poses.sin) <= 0.0  # to the west or the south
     place_m = np.where(is_along_east, poses.east_m, poses.north_m)
     direction = np.where(is_along_east, 0, 2) + is_backwards
-    return np.where(is_backwards, -place_m, place_m), direction * noise.DIRECTION
+    return np.where(is_backwards, -place_m, place_m), direction

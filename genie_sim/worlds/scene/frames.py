@@ -153,9 +153,8 @@ class FrameBatch:
 
     def truth(self, slot: int) -> tuple[SceneObject, ...]:
         """What is really in view in one of the frames."""
-        begin, end = self._visible.slot.searchsorted((slot, slot + 1)).tolist()
-        visible = VisibleObjects._make(column[begin:end] for column in self._visible)
-        return tuple(self.drive.scene.truth(visible))
+        span = slice(*self._visible.slot.searchsorted((slot, slot + 1)))
+        return tuple(self.drive.scene.truth(self._visible.only(span)))
 
 
 def _rounded(values: Iterable[float], decimals: int) -> Array:
@@ -233,9 +232,6 @@ class SceneFrame:
 
     def __hash__(self) -> int:
         return hash(self.digest)
-
-    def __repr__(self) -> str:
-        return f"<SceneFrame {self._batch.drive.name} {self.camera} {self.index}>"
 
 
 class CameraFrames(Sequence[SceneFrame]):

@@ -44,6 +44,9 @@ FLEETING_SCORE = BitField(48, 16)
 # Of a crossing: when its light turns green.
 LIGHT = BitField(0, 16)
 
+# Rows of the tables of normal and of smooth numbers (``noise``), whose lengths are powers of two.
+NORMALS, VIEWS = BitField(0, 12), BitField(0, 16)
+
 # The number of an object of a town: the street, the stream on it (0 for what stands; a stream of
 # cyclists has a second one for the persons on the bicycles), and which one it is of those.
 MEMBER, STREAM, STREET = BitField(0, 32), BitField(32, 4), BitField(36, 28)

@@ -42,11 +42,10 @@ from genie_sim.base.classes import GROUPS, VEHICLES
 from genie_sim.base.geometry import Array
 from genie_sim.data.trace import SCORE_DECIMALS
 from genie_sim.worlds.scene.keys import LOOK_NAME, OBJECT_PRONE
-from genie_sim.worlds.scene.noise import smooth_normals
+from genie_sim.worlds.scene.noise import ACROSS, ALONG, VIEW_STEP_M, smooth_normals
 
 # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 STEPS_PER_Z, MIDDLE = 32.0, 32 * 7
-VIEW_STEP_M = 0.25
 PLACE_DECIMALS = 6
 MAX_VIEW_M = 100  # beyond, no law is known
 RANGES = MAX_VIEW_M + 2  # rows of a table, one a metre
@@ -56,8 +55,9 @@ class Copula(NamedTuple):
     """How the score, or one of the errors of a place, is drawn and what the drawn number means.
 
     By group: the weights of what stays with the object, of what changes with the view and of what
-    is new at each look, each (groups,); the normal numbers of the views in steps of
-    ``VIEW_STEP_M``, (groups, 65,536); and the value for each range and z, (groups, RANGES, steps).
+    is new at each look, each (groups,); the normal numbers of the views, in rows of
+    ``noise.smooth_row``, (groups, 65,536); and the value for each range and z, (groups, RANGES,
+    steps).
     """
 
     object_weight: Array
@@ -95,18 +95,14 @@ class FittedLaws:
         lasting = {name: group for name, group in ghosts.items() if group["places"]}
         groups = [*real.values(), *lasting.values()]
         smooth = functools.cache(smooth_normals)  # for now: its rows are large
-        self.score = _copula(
-            smooth,
-            [group["score_correlation"] for group in groups],
-            [_score_table(group["found"]) for group in groups],
-        )
-        self.along, self.across = (
+        self.score, self.along, self.across = (
             _copula(
                 smooth,
                 [group[f"{name}_correlation"] for group in groups],
-                [_place_table(group["place"], f"{name}_m") for group in groups],
+                [_table(name, group) for group in groups],
+                first_row=first_row,
             )
-            for name in ("along", "across")
+            for name, first_row in (("score", 0), ("along", ALONG), ("across", ACROSS))
         )
         kinds = [(name, True) for name in real] + [(name, False) for name in lasting]
         self._groups = {kind: number for number, kind in enumerate(kinds)}
@@ -148,16 +144,20 @@ def _copula(
     smooth: Callable[[float], Array],
     correlations: Sequence[Mapping[str, float]],
     tables: Sequence[Array],
+    *,
+    first_row: int,
 ) -> Copula:
-    """The copula of all groups, from smooth numbers (``noise.smooth_normals``), the fitted shares
-    of the variance and the table of each.
+    """The copula of all groups, from smooth numbers (``noise.smooth_normals``) with the row that
+    becomes their first, the fitted shares of the variance and the table of each.
     """
     weights = []
     for fitted in correlations:
         rest = max(0.0, 1.0 - fitted["object"] - fitted["view"])
         weights.append([share**0.5 for share in (fitted["object"], fitted["view"], rest)])
     of_object, of_view, of_look = np.array(weights).T
-    views = [smooth(VIEW_STEP_M / fitted["smooth_m"]) for fitted in correlations]
+    views = [
+        np.roll(smooth(VIEW_STEP_M / fitted["smooth_m"]), -first_row) for fitted in correlations
+    ]
     return Copula(
         object_weight=of_object,
         view_weight=of_view,
@@ -183,6 +183,13 @@ def _by_range(centres_m: Sequence[float], values: Sequence[float]) -> Array:
 def _quantiles_by_range(centres_m: Sequence[float], rows: Sequence[Sequence[float]]) -> Array:
     """Quantiles (RANGES, n) at every metre."""
     return np.array([_by_range(centres_m, column) for column in zip(*rows, strict=True)]).T
+
+
+def _table(name: str, group: Mapping[str, Any]) -> Array:
+    """The values of the copula called so, (RANGES, steps of z)."""
+    if name == "score":
+        return _score_table(group["found"])
+    return _place_table(group["place"], f"{name}_m")
 
 
 def _score_table(fitted: Mapping[str, Any]) -> Array:

@@ -33,6 +33,7 @@ MIDDLES_M = {
 # An object lower than KITTI's MIN_HEIGHT_PX in the picture is not judged, so no law is known of it:
 # it is not in view.
 REACHES_M = {label: FOCAL_PX * size.height_m / MIN_HEIGHT_PX for label, size in SIZES.items()}
+FARTHEST_M = max(REACHES_M.values())
 
 
 class SceneObject(NamedTuple):
@@ -99,6 +100,5 @@ class ObjectColumns:
         return np.fromiter(codes, dtype=np.int64, count=len(labels))
 
     def _lasting(self, copula: Copula, draw: keys.BitField) -> Array:
-        drawn = np.array(normals())[draw.of(self.key).astype(np.int64)]
-        lasting: Array = copula.object_weight[self.group] * drawn
+        lasting: Array = copula.object_weight[self.group] * normals()[draw.of(self.key)]
         return lasting

@@ -17,7 +17,7 @@ from genie_sim.data.frame_source import Drives, FrameSource
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.keys import named_key
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
-from genie_sim.worlds.scene.objects import Flags, ObjectColumns, SceneObject
+from genie_sim.worlds.scene.objects import FARTHEST_M, Flags, ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
 from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, VisibleObjects
 
@@ -28,11 +28,12 @@ MAX_FRAMES = 100_000_000  # of a camera
 
 
 class SceneVisibility(Protocol):
-    """Where the objects of a scene are at any time."""
+    """Where the objects of a scene are at any time. What it tells of a slot hangs on no other."""
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
-        """What is in view from some poses (slots,): not hidden, in the field of view, near enough.
-        Fastest if the poses are near each other.
+        """What is in view from some poses (slots,), ghosts too: not hidden, in the field of view,
+        up to the scene's ``sight_m`` away (``view.in_view``). Fastest if the poses are near each
+        other.
         """
 
     def near(
@@ -46,12 +47,15 @@ class SceneVisibility(Protocol):
 class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
-    A subclass gives ``digest``, ``objects``, ``visibility`` and ``facts``. The same ``digest`` is
-    the same scene: the sha256 of all that decides what cameras see. No random number hangs on it,
-    but on ``random_name`` and the seed: other settings are another scene of the same draws.
+    A subclass gives ``name``, ``random_name``, ``origin``, ``digest``, ``objects``, ``visibility``
+    and ``facts``; ``tests.conformance.scenes`` holds it to that. No random number hangs on its
+    ``digest``, but on ``random_name`` and the seed: other settings are another scene of the same
+    draws.
     """
 
     name: ClassVar[str]
+    """What it is called in ``run.json`` and in the names of its drives."""
+
     random_name: ClassVar[str]
     """Names the random numbers: another word draws anew for every seed."""
 
@@ -62,10 +66,15 @@ class Scene:
     """Whether all cars drive east, west, north or south, but for their turns."""
 
     digest: str
+    """The sha256 of all that decides what cameras see: the same digest is the same scene."""
 
-    def __init__(self, seed: int, view_m: float) -> None:
-        """``view_m`` is the largest distance at which a camera's detector finds anything."""
+    def __init__(self, seed: int, view_m: float, range_m: float) -> None:
+        """``view_m`` is the largest distance at which a camera's detector finds anything, and up to
+        ``range_m`` objects are judged. So it is known what is in view up to the farther of both,
+        ``sight_m``: a detector that looks less far misses what is beyond.
+        """
         self.seed, self.view_m = seed, view_m
+        self.sight_m = min(max(view_m, range_m), FARTHEST_M)
         self.key = named_key(self.random_name, seed)
         self.laws: FittedLaws = synthetic_laws()
 
@@ -75,7 +84,7 @@ class Scene:
 
     @property
     def objects(self) -> ObjectColumns:
-        """All that cameras may see."""
+        """All that cameras may see, at any time."""
         raise NotImplementedError
 
     @property
@@ -108,15 +117,16 @@ class Scene:
         near = self.visibility.near(east_m, north_m, t_s, class_=class_, radius_m=tolerance_m)
         slot = near.slot
         away_m = np.hypot(near.east_m - east_m[slot], near.north_m - north_m[slot])
-        is_right = (away_m <= tolerance_m) & (self.objects.class_[near.row] == class_[slot])
+        # An unknown label has the code of nothing, as ghosts have, which are not there.
+        is_right = (class_[slot] != self.objects.nothing) & (away_m <= tolerance_m)
+        is_right &= self.objects.class_[near.row] == class_[slot]
         are_there = np.zeros(len(labels), dtype=bool)
         are_there[slot[is_right]] = True
         return are_there
 
     def truth(self, visible: VisibleObjects) -> list[SceneObject]:
         """The real ones of some visible objects, without the ghosts."""
-        is_real = self.objects.real[visible.row]
-        visible = VisibleObjects._make(column[is_real] for column in visible)
+        visible = visible.only(self.objects.real[visible.row])
         objects, row = self.objects, visible.row
         columns = (
             objects.label[row],
@@ -147,6 +157,8 @@ class SceneTruth:
     """What is really there on all drives through a scene: an object that is held is right within
     ``tolerance_m`` of one of its class, and objects up to ``range_m`` away count.
     """
+
+    cameras = None  # of the frames of all of them
 
     def __init__(self, scene: Scene, tolerance_m: float, range_m: float) -> None:
         self._scene, self.tolerance_m, self.range_m = scene, tolerance_m, range_m

@@ -74,7 +74,7 @@ def surrogates(seed: int) -> dict[str, Surrogate]:
 
 @functools.cache
 def _table() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    shuffled = stream(0, "surrogate noise").permutation(np.array(normals()))
+    shuffled = stream(0, "surrogate noise").permutation(normals())
     return np.concatenate([shuffled, shuffled[:DIMENSION]])
 
 

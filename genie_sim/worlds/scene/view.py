@@ -61,12 +61,16 @@ class VisibleObjects(NamedTuple):
     north_m: Array
     away_m: Array
 
+    def only(self, chosen: Flags | Ints | slice) -> VisibleObjects:
+        """Some of them."""
+        return VisibleObjects._make(column[chosen] for column in self)
+
 
 def in_view(
-    poses: ViewPoses, candidates: PlacedObjects, objects: ObjectColumns, view_m: float
+    poses: ViewPoses, candidates: PlacedObjects, objects: ObjectColumns, sight_m: float
 ) -> VisibleObjects:
     """Of the ``candidates`` those in the field of view, neither too near nor too far (up to
-    ``view_m`` [m]), in order; what hides them is not looked at.
+    ``sight_m`` [m]), in order; what hides them is not looked at.
 
     ``objects`` are all that there are, of which ``candidates`` gives the rows.
     """
@@ -75,11 +79,11 @@ def in_view(
     dx, dy = candidates.east_m - poses.east_m[slot], candidates.north_m - poses.north_m[slot]
     border_m, left_m = (dx * c + dy * s) * SLOPE, dy * c - dx * s
     away_m = np.sqrt(dx * dx + dy * dy)
-    farthest_m = np.minimum(objects.reach_m[candidates.row], view_m)
+    farthest_m = np.minimum(objects.reach_m[candidates.row], sight_m)
     visible = (np.abs(left_m) <= border_m) & (away_m >= NEAREST_M) & (away_m <= farthest_m)
     chosen = np.flatnonzero(visible)
     chosen = chosen[np.lexsort((candidates.row[chosen], slot[chosen]))]
-    return VisibleObjects._make(column[chosen] for column in (*candidates, away_m))
+    return VisibleObjects(*candidates, away_m).only(chosen)
 
 
 def near_pairs(tree: cKDTree, places_m: Array, radius_m: float) -> tuple[Ints, Ints]:

@@ -7,8 +7,7 @@ real trace.
 has the settings in a scenario.
 """
 
-from genie_sim.worlds.scene.frames import SceneFrame
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.town import Town
 
-__all__ = ["SceneFrame", "Town", "TownRules"]
+__all__ = ["Town", "TownRules"]

@@ -24,6 +24,7 @@ class Commuting:
         self.rules = rules
         self._east, self._north = rules.blocks
         self._nodes = [(i, j) for i in range(self._east + 1) for j in range(self._north + 1)]
+        self._number = {node: number for number, node in enumerate(self._nodes)}
         count = min(rules.destinations, len(self._nodes))
         order = random.permutation(len(self._nodes)).tolist()
         self._destinations: list[Node] = [self._nodes[k] for k in order[:count]]
@@ -65,18 +66,16 @@ class Commuting:
 
     def _seconds_to(self, destination: Node) -> dict[Node, float]:
         """Seconds from every junction to a destination."""
-        numbers = {node: number for number, node in enumerate(self._nodes)}
-        seconds = dijkstra(self._seconds, indices=numbers[destination]).tolist()
+        seconds = dijkstra(self._seconds, indices=self._number[destination]).tolist()
         return dict(zip(self._nodes, seconds, strict=True))
 
     @functools.cached_property
     def _seconds(self) -> csr_array:
         """From each junction to its neighbours."""
-        numbers = {node: number for number, node in enumerate(self._nodes)}
         legs = [(a, b) for a in self._nodes for b in self.neighbours(a)]
         seconds = [self.rules.block_m / self.limit_mps(a, b) for a, b in legs]
-        rows, columns = np.array([[numbers[a], numbers[b]] for a, b in legs]).T
-        return csr_array((seconds, (rows, columns)), shape=(len(numbers), len(numbers)))
+        rows, columns = np.array([[self._number[a], self._number[b]] for a, b in legs]).T
+        return csr_array((seconds, (rows, columns)), shape=(len(self._nodes),) * 2)
 
     def trip(self, random: np.random.Generator) -> Iterator[Node]:
         """The junctions that a car passes, without end: it starts anywhere on the way to its first

@@ -134,10 +134,6 @@ class Crossing(NamedTuple):
         """Of the way across it: straight, or a quarter of a circle."""
         return abs(math.pi / 2 / self.curvature_per_m) if self.turn else 2 * JUNCTION_M
 
-    def free_s(self, arrival_s: float) -> float:
-        """When its light lets a car go on that arrives at a time [s]: then, or once it is green."""
-        return green_at(self.node, self.northbound, arrival_s) if self.has_light else arrival_s
-
 
 def drive(
     commuting: Commuting, random: np.random.Generator, begin_s: float, end_s: float
@@ -159,19 +155,23 @@ def drive(
         crossing = _crossing(commuting, start, end, beyond)
         pose, length_m = _entry(rules, start, end, skipped_m), straight_m - skipped_m
         limit_mps = commuting.limit_mps(start, end)
-        end_mps = _reached(rules, crossing.through_mps, speed_mps, length_m)
-        phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, end_mps))
+        through_mps = crossing.through_mps
+        phases, end_mps = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, through_mps))
         arrival_s = t_s + math.fsum(phase.seconds for phase in phases)
-        free_s = crossing.free_s(arrival_s)
+        free_s = arrival_s
+        if crossing.has_light:
+            free_s = green_at(crossing.node, crossing.northbound, arrival_s)
         stops = crossing.has_stop_sign or free_s > arrival_s
         if stops:
-            phases = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, 0.0))
+            phases, end_mps = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, 0.0))
         t_s = course.follow(t_s, pose, 0.0, phases)
-        pose, speed_mps = _along(pose, 0.0, length_m), end_mps
+        pose = _along(pose, 0.0, length_m)
         if stops:
             waits = Phase(max(STOP_S, free_s - t_s), 0.0, 0.0)
-            t_s, speed_mps = course.follow(t_s, pose, 0.0, [waits]), 0.0
-        phases, speed_mps = _across(rules, crossing, speed_mps)
+            t_s = course.follow(t_s, pose, 0.0, [waits])
+        phases, speed_mps = _phases(
+            rules, crossing.length_m, through_mps, ends_mps=(end_mps, through_mps)
+        )
         t_s = course.follow(t_s, pose, crossing.curvature_per_m, phases)
         start, end, skipped_m = end, beyond, 0.0
     return course
@@ -216,18 +216,24 @@ def _entry(rules: TownRules, start: Node, end: Node, skipped_m: float) -> Pose:
 
 def _phases(
     rules: TownRules, length_m: float, limit_mps: float, *, ends_mps: tuple[float, float]
-) -> list[Phase]:
-    """The phases of a way: faster, evenly, slower; braking begins at the peak.
+) -> tuple[list[Phase], float]:
+    """The phases of a way: faster, evenly, slower; braking begins at the peak. Together they are as
+    long as the way. And the speed at its end: the wanted one, or what is reached until there.
+
+    From 3 to 4 m/s on 50 m under a limit of 14 m/s, by 1.5 and 2 m/s2: a peak of 9.9 m/s, 29.6 m
+    after the beginning and 20.4 m before the end.
 
     Parameters
     ----------
     rules : of the town: how a car accelerates and brakes
-    length_m : of the way
-    limit_mps : the speed limit
-    ends_mps : speeds at its two ends
+    length_m : of the way, on which the car can brake from the first speed to the last: a block is
+        as long (``TownRules``), and nobody drives on to a junction faster than through it
+    limit_mps : the speed limit; neither end is above it
+    ends_mps : the speed at the beginning, and the one that is wanted at the end
     """
-    first, last = ends_mps
+    first, wanted = ends_mps
     a, b = rules.acceleration_mps2, rules.braking_mps2
+    last = min(wanted, math.sqrt(first**2 + 2 * a * length_m))
     reachable = (2 * a * b * length_m + b * first**2 + a * last**2) / (a + b)
     peak = max(first, last, min(limit_mps, math.sqrt(reachable)))
     faster_m, slower_m = (peak**2 - first**2) / (2 * a), (peak**2 - last**2) / (2 * b)
@@ -237,19 +243,7 @@ def _phases(
         Phase(even_m / peak, peak, 0.0),
         Phase((peak - last) / b, peak, -b),
     ]
-    return [phase for phase in phases if phase.seconds > 0]
-
-
-def _across(rules: TownRules, crossing: Crossing, speed_mps: float) -> tuple[list[Phase], float]:
-    """The phases of the way across a junction, from a speed on, and the speed at its end."""
-    length_m, through_mps = crossing.length_m, crossing.through_mps
-    reached_mps = _reached(rules, through_mps, speed_mps, length_m)
-    return _phases(rules, length_m, through_mps, ends_mps=(speed_mps, reached_mps)), reached_mps
-
-
-def _reached(rules: TownRules, wanted_mps: float, speed_mps: float, length_m: float) -> float:
-    """The speed at the end of a way: the wanted one, or what can be reached on it."""
-    return min(wanted_mps, math.sqrt(speed_mps**2 + 2 * rules.acceleration_mps2 * length_m))
+    return [phase for phase in phases if phase.seconds > 0], last
 
 
 def _along(pose: Pose, curvature_per_m: float, way_m: float) -> Pose:

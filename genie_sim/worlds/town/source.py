@@ -29,7 +29,7 @@ class InTown(SceneSource):
     ) -> "TownDrives":
         from genie_sim.worlds.town.town import Town
 
-        return TownDrives(Town(self.town, seed), self)
+        return TownDrives(Town(self.town, seed, self.range_m), self)
 
 
 class TownDrives(SceneDrives):

@@ -10,20 +10,14 @@ from dataclasses import asdict
 
 from genie_sim.base.errors import UserError
 from genie_sim.worlds.scene.frames import SceneDrive
+from genie_sim.worlds.scene.kept_words import TOWN_DETECTOR, TOWN_DRAWS, town_drive
 from genie_sim.worlds.scene.objects import ObjectColumns
-from genie_sim.worlds.scene.scene import Scene
+from genie_sim.worlds.scene.scene import Scene, SceneSource
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.commuting import Commuting
 from genie_sim.worlds.town.places import Places
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Street, lay_out
-
-DETECTOR = "town"  # what the town's detector is called
-
-
-def drive_name(seed: int) -> str:
-    """What drives through the town of a seed are called."""
-    return f"town/{seed}"
 
 
 class Town(Scene):
@@ -33,14 +27,15 @@ class Town(Scene):
     at 0; what moves is where it is at that time for every car that looks.
     """
 
-    name, random_name = "town", "city"
+    name, random_name = "town", TOWN_DRAWS
     origin = 49.0, 8.4, 115.0  # near Karlsruhe, where KITTI was recorded; the town is made up
     on_grid = True
 
-    def __init__(self, rules: TownRules, seed: int) -> None:
+    def __init__(self, rules: TownRules, seed: int, range_m: float = SceneSource.range_m) -> None:
+        """Up to ``range_m`` it is known what is really in view, however near a detector looks."""
         if seed < 0:
             raise UserError(f"town: seed: {seed} is negative")
-        super().__init__(seed, rules.view_m)
+        super().__init__(seed, rules.view_m, range_m)
         self.rules = rules
         text = json.dumps(
             [f"{self.random_name} 1", asdict(rules), seed, self.laws.digest], sort_keys=True
@@ -82,7 +77,7 @@ class Town(Scene):
     @functools.cached_property
     def visibility(self) -> Places:
         """Where everything is, and what every camera in the town has in view."""
-        return Places(self.rules, self.streets, self.objects)
+        return Places(self.rules, self.streets, self.objects, self.sight_m)
 
     @functools.cached_property
     def _commuting(self) -> Commuting:
@@ -113,5 +108,5 @@ class Town(Scene):
         )
 
     def facts(self) -> Mapping[str, object]:
-        rules = asdict(self.rules)
-        return {"detector": DETECTOR, "drive": drive_name(self.seed), "rules": rules}
+        drive, rules = town_drive(self.seed), asdict(self.rules)
+        return {"detector": TOWN_DETECTOR, "drive": drive, "rules": rules}

@@ -21,20 +21,18 @@ import pandas as pd
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.geometry import Array
-from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import check_is_file
 from genie_sim.base.spans import Ints
 from genie_sim.base.tables import is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
+from genie_sim.worlds.traffic.fcd_checks import compare_ways, tell
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
 MAX_TURN_DEG = 3600.0
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
-SPEEDS = 20_000  # rows whose speed is compared with their way
-SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
-JUMP_MPS = 70.0  # assumed: what goes faster from one step to the next has not driven there
 
 
 class VehicleRows(NamedTuple):
@@ -43,9 +41,10 @@ class VehicleRows(NamedTuple):
     ``times_s`` are the steps (n,) and ``step``, ``vehicle``, ``x_m``, ``y_m``, ``angle_deg`` have
     one value for each vehicle and step: the front bumper, and the heading clockwise from north.
     ``ids`` and ``types`` are those of the vehicles, and of persons on foot, whose place is their
-    middle. ``report`` tells what was read.
+    middle. ``begin_s`` is when the simulation begins, ``report`` tells what was read.
     """
 
+    begin_s: float
     times_s: Array
     ids: list[str]
     types: list[str]
@@ -237,6 +236,7 @@ def read_fcd(
     vehicle, known = pd.factorize(numbers)  # in the order in which they come
     names = list(reader.numbers)
     rows = VehicleRows(
+        begin_s=begin_s,
         times_s=np.array([step.time_s for step in steps]),
         ids=[names[number][0] for number in known],
         types=[reader.types[number] for number in known],
@@ -254,8 +254,8 @@ def read_fcd(
         len(rows.step) + sum(step.invalid for step in steps),
         f"a place of {INVALID:.0f}, SUMO's mark of none",
     )
-    _tell(rows, begin_s, duration_s)
-    _compare_ways(rows, speeds_mps=values[:, 3])
+    tell(rows, duration_s)
+    compare_ways(rows, speeds_mps=values[:, 3])
     return rows
 
 
@@ -303,64 +303,3 @@ def _wanted(
         from_s = reader.first_s if begin_s is None else begin_s
         raise UserError(f"{reader.path}: has no vehicles from {from_s:g} s on")
     return wanted
-
-
-def _tell(rows: VehicleRows, begin_s: float, duration_s: float) -> None:
-    """What was read, for the report."""
-    report, persons = rows.report, sum(rows.is_person)
-    report.read("vehicles", len(rows.ids) - persons)
-    if persons:
-        report.read("persons", persons)
-    report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
-    known_s = float(rows.times_s[-1]) - begin_s
-    if known_s + LONG_GAP_S < duration_s:
-        report.warn(
-            f"ends {known_s:.4g} s after the beginning, before 'duration' of "
-            f"{duration_s:.4g} s is over"
-        )
-    for name, values in (("x", rows.x_m), ("y", rows.y_m)):
-        report.span(name, (values.min(), values.max()), "m")
-    report.check_times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
-
-
-def _compare_ways(rows: VehicleRows, speeds_mps: Array) -> None:
-    """Holds angles and speeds against the ways from one step to the next, for the report. Raises
-    UserError where they do not fit.
-    """
-    report = rows.report
-    order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
-    vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
-    same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
-    if same_vehicle.any() and np.median(apart[same_vehicle]) > 1:
-        report.refuse(
-            f"a vehicle is there at every {np.median(apart[same_vehicle]):g}th step only, and "
-            "nowhere in between: write all vehicles at all steps (--device.fcd.period)"
-        )
-    pairs = same_vehicle & (apart == 1)
-    if not pairs.any():
-        return
-    passed_s = np.diff(t_s)[pairs]
-    steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
-    drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
-    angle_deg = rows.angle_deg[order][1:][pairs][drives]
-    report.check_heading(
-        "vehicles: angle",
-        angle_deg,
-        steps_m=steps_m[drives],
-        passed_s=passed_s[drives],
-        from_north=True,
-    )
-    way_m = np.hypot(*steps_m.T)
-    told_m = passed_s * speeds_mps[order][1:][pairs]
-    driven_mps = way_m / passed_s
-    if (driven_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
-        driven_mps = driven_mps[driven_mps <= JUMP_MPS]
-    comparable = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
-    if told_m[comparable].sum() > 1.0:
-        times = float(way_m[comparable].sum() / told_m[comparable].sum())
-        text = f"vehicles go {times:.3g} times as far as their speeds say: is x, y in metres?"
-        if not 1 / NO_SPEED < times < NO_SPEED:
-            report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
-        elif not 1 / SAME_SPEED < times < SAME_SPEED:
-            report.warn(text)
-    report.check_speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))

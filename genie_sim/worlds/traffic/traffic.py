@@ -16,6 +16,7 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
+from genie_sim.worlds.scene.kept_words import TRAFFIC_DRAWS
 from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene, SceneDrives
 from genie_sim.worlds.traffic.fcd import VehicleRows
@@ -39,27 +40,24 @@ class Traffic(Scene):
     """Vehicles as a scene for cameras. Its clock begins where the simulation does, and ends at
     ``end_s``.
 
-    ``digest`` is of the rows of the file that were read, when the clock begins, how far a camera
-    looks, what the vehicles are, the seed and the detector's laws.
+    ``digest`` is of the rows of the file that were read, when the clock begins, how far a
+    detector looks, what the vehicles are, the seed and the detector's laws.
     """
 
-    name, random_name, origin = "traffic", "traffic", SOMEWHERE
+    name, random_name, origin = "traffic", TRAFFIC_DRAWS, SOMEWHERE
 
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
     ) -> None:
-        super().__init__(seed, settings.view_m)
+        super().__init__(seed, settings.view_m, settings.range_m)
         self.settings, self.path, self.report = settings, path, rows.report
-        begin_s = rows.times_s.item(0)
-        if settings.begin_ns is not None:
-            begin_s = settings.begin_ns / NS_PER_S
-        self.end_s = min(settings.duration_ns / NS_PER_S, rows.times_s.item(-1) - begin_s)
-        self.vehicles = Vehicles(rows, begin_s, settings.types)
+        self.end_s = min(settings.duration_ns / NS_PER_S, rows.times_s.item(-1) - rows.begin_s)
+        self.vehicles = Vehicles(rows, settings.types)
         self._content = _content(rows)
         types = sorted(self.vehicles.types_by_name.items())
         self._types = {name: asdict(kind) for name, kind in types}
-        decisive = [self._content, begin_s, self.view_m, self._types, seed, self.laws.digest]
-        self.digest = hashlib.sha256(json.dumps(decisive).encode()).hexdigest()
+        seen = [self._content, rows.begin_s, self.view_m, self._types, seed, self.laws.digest]
+        self.digest = hashlib.sha256(json.dumps(seen).encode()).hexdigest()
 
     @functools.cached_property
     def objects(self) -> ObjectColumns:
@@ -75,7 +73,7 @@ class Traffic(Scene):
 
     @functools.cached_property
     def visibility(self) -> TrafficView:
-        return TrafficView(self.vehicles, self.objects, self.view_m)
+        return TrafficView(self.vehicles, self.objects, self.sight_m)
 
     def warn(self) -> None:
         """Logs what was not read as it stands in the file."""

@@ -17,7 +17,8 @@ from genie_sim.base.spans import Ints
 from genie_sim.worlds.scene.frames import Motions
 from genie_sim.worlds.scene.objects import Flags
 from genie_sim.worlds.scene.view import near_pairs
-from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
+from genie_sim.worlds.traffic.fcd import VehicleRows
+from genie_sim.worlds.traffic.fcd_checks import JUMP_MPS
 from genie_sim.worlds.traffic.vehicle_types import USUAL, VehicleType, type_named
 
 KEPT_STEPS = 256  # of so many steps it is kept who is where
@@ -45,44 +46,44 @@ def _types_by_name(
 
 
 class _Links(NamedTuple):
-    """Which row follows which, as columns (rows,). Of a vehicle with a stretch of the rows 0, 1 and
-    2 and, after a gap, one of row 3 alone:
+    """Which sighting follows which, as columns (sightings,). Of a vehicle with a stretch of the
+    sightings 0, 1 and 2 and, after a gap, one of sighting 3 alone:
 
-    ============= ===== ===== ===== ===== =====================================================
-    row           0     1     2     3
-    ============= ===== ===== ===== ===== =====================================================
-    ``from_row``  0     1     1     3     from that time on it drives from this row
-    ``to_row``    1     2     2     3     to this one: at the end of a stretch as just before it
-    ``until_row`` 1     2     2     3     and is there until the time of this one
-    ``is_first``  true  false false true  whether it begins a stretch
-    ============= ===== ===== ===== ===== =====================================================
+    ============ ===== ===== ===== ===== ====================================================
+    sighting     0     1     2     3
+    ============ ===== ===== ===== ===== ====================================================
+    ``begin``    0     1     1     3     from that time on it drives from this one
+    ``end``      1     2     2     3     to this: at the end of a stretch as just before it
+    ``until``    1     2     2     3     and is there until the time of this one
+    ``is_first`` true  false false true  whether it begins a stretch
+    ============ ===== ===== ===== ===== ====================================================
 
-    ``jumps`` are the rows that are reached by a jump, ``longest_m`` is the longest way from a row
-    to the next.
+    ``jumps`` are the sightings that are reached by a jump, ``longest_m`` is the longest way from
+    one to the next.
     """
 
-    from_row: Ints
-    to_row: Ints
-    until_row: Ints
+    begin: Ints
+    end: Ints
+    until: Ints
     is_first: Flags
     jumps: Ints
     longest_m: float
 
 
 def _links(vehicle: Ints, step: Ints, way_m: Array, passed_s: Array) -> _Links:
-    """How rows follow each other, by vehicle and step (rows,), and the way [m] and time [s] from
-    each to the next (rows - 1,).
+    """How sightings follow each other, by their vehicle and step (sightings,), and the way [m] and
+    time [s] from each to the next (sightings - 1,).
     """
     same_vehicle = np.diff(vehicle) == 0
     is_jump = same_vehicle & (way_m > JUMP_MPS * passed_s)
     goes_on = same_vehicle & ~is_jump & (np.diff(step) == 1)
     has_next, has_previous = np.append(goes_on, False), np.append(False, goes_on)
-    row = np.arange(len(vehicle))
-    from_row = row - (~has_next & has_previous)
+    number = np.arange(len(vehicle))
+    begin = number - (~has_next & has_previous)
     return _Links(
-        from_row=from_row,
-        to_row=from_row + (has_next | has_previous),
-        until_row=row + has_next,
+        begin=begin,
+        end=begin + (has_next | has_previous),
+        until=number + has_next,
         is_first=~has_previous,
         jumps=np.flatnonzero(is_jump) + 1,
         longest_m=float(way_m.max(where=goes_on, initial=0.0)),
@@ -94,18 +95,16 @@ class Vehicles:
 
     Times are in seconds after the beginning of the simulation; ``times_s`` are those of the file's
     steps. A *vehicle* is a number from 0 on; ``ids``, ``is_person``, ``labels``, ``lengths_m``,
-    ``widths_m``, ``heights_m`` have one value for each. A *row* is one vehicle at one step: rows
-    are ordered by vehicle and then by time, and ``vehicle`` (rows,) says whose each is. From a row
-    a vehicle goes straight to its next one, unless that comes after a gap or a jump; a *stretch*
-    are the rows from one such break to the next. ``jumps`` counts the jumps of each vehicle
-    (teleports): where it went on elsewhere than it could have driven.
+    ``widths_m``, ``heights_m`` have one value for each. A *sighting* is one vehicle at one step, a
+    row of the file: they are ordered by vehicle and then by time, and ``vehicle`` (sightings,) says
+    whose each is. From one a vehicle goes straight to its next, unless that comes after a gap or a
+    jump; a *stretch* are the sightings from one such break to the next. ``jumps`` counts the jumps
+    of each vehicle (teleports): where it went on elsewhere than it could have driven.
     """
 
-    def __init__(
-        self, rows: VehicleRows, begin_s: float, own_types: Mapping[str, VehicleType]
-    ) -> None:
+    def __init__(self, rows: VehicleRows, own_types: Mapping[str, VehicleType]) -> None:
         self.ids, self.is_person = rows.ids, rows.is_person
-        self.times_s = rows.times_s - begin_s
+        self.times_s = rows.times_s - rows.begin_s
         self.types_by_name = _types_by_name(rows, own_types)
         types = [
             None if is_person else self.types_by_name[name]
@@ -122,11 +121,12 @@ class Vehicles:
         self._heading_rad = np.radians(90.0 - rows.angle_deg[order])
         # the file has the middle of persons, and the front bumper of vehicles
         half_m = np.where(rows.is_person, 0.0, self.lengths_m / 2)[self.vehicle]
-        self._east_m = rows.x_m[order] - half_m * np.cos(self._heading_rad)
-        self._north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
-        way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
+        east_m = rows.x_m[order] - half_m * np.cos(self._heading_rad)
+        north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
+        self._places_m = np.column_stack([east_m, north_m])
+        way_m = np.hypot(np.diff(east_m), np.diff(north_m))
         links = _links(self.vehicle, self._step, way_m, np.diff(self.times_s[self._step]))
-        self._links, self._until_s = links, self.times_of(links.until_row)
+        self._links, self._until_s = links, self.times_of(links.until)
         self.jumps = np.bincount(self.vehicle[links.jumps], minlength=len(self.ids))
         self._in_order_of_steps: Ints = np.argsort(self._step, kind="stable")
         self._at_step = functools.lru_cache(KEPT_STEPS)(self._tree_of_step)
@@ -137,74 +137,71 @@ class Vehicles:
     @property
     def extent_m(self) -> Area:
         """The borders of the map."""
-        east_m, north_m = self._east_m, self._north_m
-        west, south, east, north = east_m.min(), north_m.min(), east_m.max(), north_m.max()
-        return widened((float(west), float(south), float(east), float(north)), BESIDE_M)
+        west, south = self._places_m.min(axis=0).tolist()
+        east, north = self._places_m.max(axis=0).tolist()
+        return widened((west, south, east, north), BESIDE_M)
 
-    def at(self, row: Ints, t_s: Array) -> Motions:
-        """Where the vehicles of some rows (n,) are at times between these rows and the next (n,):
+    def at(self, sighting: Ints, t_s: Array) -> Motions:
+        """Where the vehicles of some sightings (n,) are at times between these and their next (n,):
         on straight lines, and turning the shorter way.
         """
-        first, last = self._links.from_row[row], self._links.to_row[row]
+        first, last = self._links.begin[sighting], self._links.end[sighting]
         begin_s = self.times_of(first)
         whole_s = self.times_of(last) - begin_s
         whole_s[whole_s == 0.0] = 1.0
         share = np.clip((t_s - begin_s) / whole_s, 0.0, 1.0)
-        way_east_m = self._east_m[last] - self._east_m[first]
-        way_north_m = self._north_m[last] - self._north_m[first]
+        places_m = self._places_m[first].T
+        way_east_m, way_north_m = self._places_m[last].T - places_m
         turn_rad = self._heading_rad[last] - self._heading_rad[first]
         turn_rad -= np.rint(turn_rad / math.tau) * math.tau
         heading_rad = self._heading_rad[first] + share * turn_rad
         return Motions(
-            east_m=self._east_m[first] + share * way_east_m,
-            north_m=self._north_m[first] + share * way_north_m,
+            east_m=places_m[0] + share * way_east_m,
+            north_m=places_m[1] + share * way_north_m,
             heading_rad=heading_rad,
             cos=np.cos(heading_rad),
             sin=np.sin(heading_rad),
             speed_mps=np.sqrt(way_east_m * way_east_m + way_north_m * way_north_m) / whole_s,
         )
 
-    def times_of(self, row: Ints) -> Array:
-        """The times of some rows."""
-        return self.times_s[self._step[row]]
+    def times_of(self, sighting: Ints) -> Array:
+        """The times of some sightings."""
+        return self.times_s[self._step[sighting]]
 
     def near(self, east_m: Array, north_m: Array, t_s: Array, radius_m: float) -> tuple[Ints, Ints]:
         """All pairs of a slot (slots,), a place at a time, and a vehicle that may be so near to it
-        then, slot by slot: the slot and the row. All that are so near are among them.
+        then, slot by slot: the slot and the sighting. All that are so near are among them.
         """
         places_m = np.column_stack([east_m, north_m])
-        slots, rows = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-        step = self._steps_at(t_s)
+        slots, sightings = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        # the last step at or before each time; -1 where there is none
+        step = np.searchsorted(self.times_s, t_s, side="right") - 1
         for number in np.unique(step[step >= 0]).tolist():
             asked = np.flatnonzero(step == number)
             of_step, tree = self._at_step(number)
             place, point = near_pairs(tree, places_m[asked], radius_m + self._links.longest_m)
             slots.append(asked[place])
-            rows.append(of_step[point])
-        slot, row = np.concatenate(slots), np.concatenate(rows)
-        is_there = t_s[slot] <= self._until_s[row]
-        slot, row = slot[is_there], row[is_there]
+            sightings.append(of_step[point])
+        slot, sighting = np.concatenate(slots), np.concatenate(sightings)
+        is_there = t_s[slot] <= self._until_s[sighting]
+        slot, sighting = slot[is_there], sighting[is_there]
         order = np.argsort(slot, kind="stable")
-        return slot[order], row[order]
-
-    def _steps_at(self, t_s: Array) -> Ints:
-        """The last step at or before each time; -1 where there is none."""
-        return np.searchsorted(self.times_s, t_s, side="right") - 1
+        return slot[order], sighting[order]
 
     def _tree_of_step(self, step: int) -> tuple[Ints, cKDTree]:
-        """The rows of a step, and the tree of their places."""
+        """The sightings of a step, and the tree of their places."""
         order = self._in_order_of_steps
         first, end = np.searchsorted(self._step, (step, step + 1), sorter=order)
-        rows = order[first:end]
-        return rows, cKDTree(np.column_stack([self._east_m[rows], self._north_m[rows]]))
+        of_step = order[first:end]
+        return of_step, cKDTree(self._places_m[of_step])
 
     def longest(self, vehicle: int, end_s: float) -> "Stretch":
         """The longest stretch of a vehicle between the beginning and ``end_s``; of equal ones the
         first.
         """
-        rows = np.arange(*np.searchsorted(self.vehicle, (vehicle, vehicle + 1)))
-        breaks = np.flatnonzero(self._links.is_first[rows[1:]]) + 1
-        stretches = [Stretch(self, part, end_s) for part in np.split(rows, breaks)]
+        own = np.arange(*np.searchsorted(self.vehicle, (vehicle, vehicle + 1)))
+        breaks = np.flatnonzero(self._links.is_first[own[1:]]) + 1
+        stretches = [Stretch(self, part, end_s) for part in np.split(own, breaks)]
         return max(stretches, key=lambda stretch: stretch.end_s - stretch.begin_s)
 
 
@@ -213,11 +210,12 @@ class Stretch:
     ``begin_s``, not before the beginning of the simulation, to ``end_s``.
     """
 
-    def __init__(self, vehicles: Vehicles, rows: Ints, end_s: float) -> None:
-        self._vehicles, self._rows, self._times_s = vehicles, rows, vehicles.times_of(rows)
+    def __init__(self, vehicles: Vehicles, sightings: Ints, end_s: float) -> None:
+        self._vehicles, self._sightings = vehicles, sightings
+        self._times_s = vehicles.times_of(sightings)
         self.begin_s = max(self._times_s.item(0), 0.0)
         self.end_s = min(self._times_s.item(-1), end_s)
 
     def at(self, t_s: Array) -> Motions:
         number = np.searchsorted(self._times_s, t_s, side="right") - 1
-        return self._vehicles.at(self._rows[np.maximum(number, 0)], t_s)
+        return self._vehicles.at(self._sightings[np.maximum(number, 0)], t_s)

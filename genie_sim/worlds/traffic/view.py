@@ -24,7 +24,7 @@ BEYOND_M = LONGEST_M / 2  # the longest vehicle may hide others before its middl
 
 
 class TrafficView:
-    """What any camera among vehicles has in view, up to ``view_m`` away.
+    """What any camera among vehicles has in view, up to ``sight_m`` away.
 
     A vehicle is hidden where a nearer one covers its middle: where the line of sight from the
     camera to its middle, half its height above the ground, passes through the box of the other. So
@@ -32,19 +32,21 @@ class TrafficView:
     ``objects`` is its number.
     """
 
-    def __init__(self, vehicles: Vehicles, objects: ObjectColumns, view_m: float) -> None:
-        self._vehicles, self._objects, self._view_m = vehicles, objects, view_m
+    def __init__(self, vehicles: Vehicles, objects: ObjectColumns, sight_m: float) -> None:
+        self._vehicles, self._objects, self._sight_m = vehicles, objects, sight_m
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
         vehicles = self._vehicles
-        slot, row = vehicles.near(poses.east_m, poses.north_m, poses.t_s, self._view_m + BEYOND_M)
-        motions = vehicles.at(row, poses.t_s[slot])
+        slot, sighting = vehicles.near(
+            poses.east_m, poses.north_m, poses.t_s, self._sight_m + BEYOND_M
+        )
+        motions = vehicles.at(sighting, poses.t_s[slot])
         matters = self._may_matter(poses, slot, motions)
         motions = Motions._make(column[matters] for column in motions)
-        candidates = self._placed(slot[matters], row[matters], motions)
-        visible = in_view(poses, candidates, self._objects, self._view_m)
+        candidates = self._placed(slot[matters], sighting[matters], motions)
+        visible = in_view(poses, candidates, self._objects, self._sight_m)
         is_hidden = self._hidden(poses, visible, candidates, motions)
-        return VisibleObjects._make(column[~is_hidden] for column in visible)
+        return visible.only(~is_hidden)
 
     def _may_matter(self, poses: ViewPoses, slot: Ints, motions: Motions) -> Flags:
         """Which vehicles (n,) are seen in their slots (n,) or may hide others: those in a wedge
@@ -104,14 +106,14 @@ class TrafficView:
         self, east_m: Array, north_m: Array, t_s: Array, *, class_: Ints, radius_m: float
     ) -> PlacedObjects:
         """As ``scene.SceneVisibility``, whatever the class."""
-        slot, row = self._vehicles.near(east_m, north_m, t_s, radius_m)
-        return self._placed(slot, row, self._vehicles.at(row, t_s[slot]))
+        slot, sighting = self._vehicles.near(east_m, north_m, t_s, radius_m)
+        return self._placed(slot, sighting, self._vehicles.at(sighting, t_s[slot]))
 
-    def _placed(self, slot: Ints, row: Ints, motions: Motions) -> PlacedObjects:
-        """The vehicles of some rows (n,) as objects, with how they move then (n,)."""
+    def _placed(self, slot: Ints, sighting: Ints, motions: Motions) -> PlacedObjects:
+        """The vehicles of some sightings (n,) as objects, with how they move then (n,)."""
         return PlacedObjects(
             slot=slot,
-            row=self._vehicles.vehicle[row],
+            row=self._vehicles.vehicle[sighting],
             moving=motions.speed_mps > MOVING_MPS,
             east_m=motions.east_m,
             north_m=motions.north_m,

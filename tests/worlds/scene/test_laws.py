@@ -19,7 +19,7 @@ from genie_sim.core.messages import CameraPose
 from genie_sim.data.kitti.drive_truth import read_labels
 from genie_sim.data.trace import read_trace
 from genie_sim.worlds.scene.detector import SyntheticDetector
-from genie_sim.worlds.scene.keys import mix
+from genie_sim.worlds.scene.keys import VIEWS, mix
 from genie_sim.worlds.scene.laws import (
     MAX_VIEW_M,
     MIDDLE,
@@ -28,9 +28,9 @@ from genie_sim.worlds.scene.laws import (
     quantile,
     synthetic_laws,
 )
-from genie_sim.worlds.scene.noise import VIEWS, normals, smooth_normals
+from genie_sim.worlds.scene.noise import normals, smooth_normals, smooth_row
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
-from genie_sim.worlds.scene.view import ViewPoses
+from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 from genie_sim.worlds.town import Town, TownRules
 from tools.make.town_fit import fit, validation
 
@@ -74,6 +74,8 @@ def test_random_numbers_are_normal():
     for apart in (1, 10, 40):
         correlation = np.corrcoef(row[apart:], row[:-apart])[0, 1]
         assert correlation == pytest.approx(math.exp(-0.05 * apart), abs=0.05)
+    rows = smooth_row(np.array([20.3, -0.6]), offset=np.array([60_000, 1]), direction=2)
+    assert rows.tolist() == [60_000 + 81 + 2 * 16_411 - 65_536, 1 - 2 + 2 * 16_411]
 
 
 def _known(miss: float, of_object: float, of_view: float) -> FittedLaws:
@@ -167,6 +169,27 @@ def test_errors_along_and_across_are_drawn_apart():
         assert abs(np.corrcoef(a, b)[0, 1]) < margin
     assert along_m.std() == pytest.approx(2 / math.sqrt(12), rel=0.1)
     assert across_m.std() == pytest.approx(1 / math.sqrt(12), rel=0.1)
+
+
+def test_errors_do_not_jump_in_a_bend():
+    """What changes with the view alone is the same all the way round a circle of 60 m, where a car
+    stays 20 m ahead; on a grid of streets it would be another view at each turn.
+    """
+    laws, count = _known(0.0, 0.0, 1.0), 100
+    objects = ObjectColumns(["car"], [1], [True], laws=laws, seed_key=0)
+    angle_rad, none = np.linspace(0.0, math.tau, count), np.zeros(count, dtype=np.int64)
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    poses = ViewPoses(
+        60 * cos, 60 * sin, -sin, cos, t_s=none, key=np.arange(count, dtype=np.uint64)
+    )
+    ahead_m = 60 * np.array([np.cos(angle_rad + 1 / 3), np.sin(angle_rad + 1 / 3)])
+    away_m = np.hypot(*(ahead_m - poses[:2]))
+    visible = VisibleObjects(np.arange(count), none, none, *ahead_m, away_m=away_m)
+    spreads_m = []
+    for on_grid in (False, True):
+        placed = SyntheticDetector(objects, laws, on_grid=on_grid).detect(visible, poses).placed
+        spreads_m.append(np.ptp(np.hypot(*(placed[:, 1:3].T - ahead_m))))
+    assert spreads_m[0] < 2e-3 and spreads_m[1] > 0.1
 
 
 def test_fleeting_ghosts_are_anywhere_in_view(laws):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
@@ -113,16 +111,6 @@ def test_vehicles_are_equipped_by_their_ids(fcd):
     assert set(prepared.drives) == {"veh_a", "veh_d"}
 
 
-def test_cars_see_vehicles_that_are_not_equipped(fcd):
-    drive = drives(fcd, equipped=["b"])["veh_b"]
-    frames = drive.frames["02"]
-    labels = {(item.label, item.moving) for item in frames[10].truth()}
-    assert labels == {("car", True)}, "a, 30 m ahead, hides the lorry"
-    assert any(frame.detections for frame in frames)
-    (ahead,) = frames[10].truth()
-    assert ahead.location[:2] == pytest.approx((20 * 1.0 - 2.5, 0.0), abs=1e-6)
-
-
 def test_the_truth_is_that_of_the_instant(fcd):
     """c stands, d moves; persons, of which the file knows nothing, are not judged."""
     prepared = prepare(scenario(fcd, equipped=["a"]))
@@ -206,24 +194,6 @@ def test_the_same_traffic_gives_the_same_digest_in_any_file(fcd, tmp_path):
     assert digests(fcd=fcd) != digests(fcd=other)
 
 
-@pytest.mark.parametrize(
-    "ruler",
-    [
-        {"tolerance": "3 m", "range": "40 m"},
-        {"equipped": ["c", "b"]},
-        {"duration": "2.5 s"},
-        {"interval": "200 ms"},
-        {"types": {"bus": {"label": "bus"}}},
-    ],
-    ids=str,
-)
-def test_who_looks_and_who_judges_changes_no_detection(fcd, ruler):
-    usual, other = (drives(fcd, **perception)["veh_b"] for perception in ({}, ruler))
-    seen = {frame.scene_ns: frame.detections for frame in usual.frames["02"]}
-    again = {frame.scene_ns: frame.detections for frame in other.frames["02"]}
-    assert any(again.values()) and again == {at_ns: seen[at_ns] for at_ns in again}
-
-
 def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
     def prepared(name, start):
         settings = {
@@ -276,49 +246,3 @@ def test_two_vehicles_with_one_name_are_refused(tmp_path):
     path = str(write_fcd(tmp_path / "twins.xml", [(0.0, twins), (2.0, twins)]))
     with pytest.raises(UserError, match="vehicles 'a:1' and 'a/1' would both be called veh_a_1"):
         drives(path)
-
-
-def test_detections_do_not_jump_in_a_bend(tmp_path):
-    """The detector's lasting errors change as gradually where the street bends as where it is
-    straight: a car on a circle follows another one, whose middle stays 20 m ahead of it.
-    """
-
-    def errors_m(bends: bool):
-        steps = []
-        for k in range(121):
-            places = {}
-            for name, ahead_m in (("follower", 0.0), ("leader", 20.0)):
-                way_m = 500.0 + 10.0 * 0.1 * k + ahead_m
-                if bends:
-                    angle = way_m / 60.0
-                    place = 3000 + 60 * math.cos(angle), 3000 + 60 * math.sin(angle)
-                    heading_deg = -math.degrees(angle)
-                else:
-                    place, heading_deg = (3000 + way_m, 3000.0), 90.0
-                places[name] = (*place, heading_deg % 360)
-            steps.append((0.1 * k, places))
-        path = str(write_fcd(tmp_path / f"{bends}.xml", steps))
-        errors = []
-        for seed in range(1, 5):
-            settings = scenario(path, equipped=["follower"])
-            drive = prepare(replace(settings, seed=seed)).drives["veh_follower"]
-            row = []
-            for frame in drive.frames["02"]:
-                (truth,) = frame.truth()
-                near = [
-                    math.dist(d.location, truth.location)
-                    for d in frame.detections
-                    if math.dist(d.location, truth.location) < 3
-                ]
-                row.append(min(near, default=np.nan))
-            errors.append(row)
-        return np.array(errors)
-
-    def steadiness(errors):
-        """Of the errors in two frames in a row: the correlation."""
-        now, then = errors[:, :-1].ravel(), errors[:, 1:].ravel()
-        both = ~np.isnan(now + then)
-        return float(np.corrcoef(now[both], then[both])[0, 1])
-
-    straight, bend = steadiness(errors_m(bends=False)), steadiness(errors_m(bends=True))
-    assert bend > straight - 0.1, (straight, bend)

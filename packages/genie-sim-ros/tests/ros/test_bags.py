@@ -307,7 +307,7 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
         bag.position(
             frame.stamp_ns, (values[0], values[1], values[2]), (values[3], values[4], values[5])
         )
-        bag.image(frame.stamp_ns, read_image(frame.image_path))
+        bag.image(frame.stamp_ns, read_image(frame.image_path)[0])
         bag.scan(frame.stamp_ns + 5_000_000, drive.scan(frame.index))
     found: Trace = perceive_bag(
         bag.write(),

@@ -1,0 +1,78 @@
+"""What is told of floating-car data that was read, and whether it can be: places in metres, times
+in seconds, angles in degrees, all vehicles at all steps.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from genie_sim.base.geometry import Array
+from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S
+
+if TYPE_CHECKING:
+    from genie_sim.worlds.traffic.fcd import VehicleRows
+
+SPEEDS = 20_000  # rows whose speed is compared with their way
+SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
+JUMP_MPS = 70.0  # assumed: what goes faster from one step to the next has not driven there
+
+
+def tell(rows: "VehicleRows", duration_s: float) -> None:
+    """What was read, for the report."""
+    report, persons = rows.report, sum(rows.is_person)
+    report.read("vehicles", len(rows.ids) - persons)
+    if persons:
+        report.read("persons", persons)
+    report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
+    known_s = float(rows.times_s[-1]) - rows.begin_s
+    if known_s + LONG_GAP_S < duration_s:
+        report.warn(
+            f"ends {known_s:.4g} s after the beginning, before 'duration' of "
+            f"{duration_s:.4g} s is over"
+        )
+    for name, values in (("x", rows.x_m), ("y", rows.y_m)):
+        report.span(name, (values.min(), values.max()), "m")
+    report.check_times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
+
+
+def compare_ways(rows: "VehicleRows", speeds_mps: Array) -> None:
+    """Holds angles and speeds against the ways from one step to the next, for the report. Raises
+    UserError where they do not fit.
+    """
+    report = rows.report
+    order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
+    vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
+    same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
+    if same_vehicle.any() and np.median(apart[same_vehicle]) > 1:
+        report.refuse(
+            f"a vehicle is there at every {np.median(apart[same_vehicle]):g}th step only, and "
+            "nowhere in between: write all vehicles at all steps (--device.fcd.period)"
+        )
+    pairs = same_vehicle & (apart == 1)
+    if not pairs.any():
+        return
+    passed_s = np.diff(t_s)[pairs]
+    steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
+    drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
+    angle_deg = rows.angle_deg[order][1:][pairs][drives]
+    report.check_heading(
+        "vehicles: angle",
+        angle_deg,
+        steps_m=steps_m[drives],
+        passed_s=passed_s[drives],
+        from_north=True,
+    )
+    way_m = np.hypot(*steps_m.T)
+    told_m = passed_s * speeds_mps[order][1:][pairs]
+    driven_mps = way_m / passed_s
+    if (driven_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
+        driven_mps = driven_mps[driven_mps <= JUMP_MPS]
+    comparable = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
+    if told_m[comparable].sum() > 1.0:
+        times = float(way_m[comparable].sum() / told_m[comparable].sum())
+        text = f"vehicles go {times:.3g} times as far as their speeds say: is x, y in metres?"
+        if not 1 / NO_SPEED < times < NO_SPEED:
+            report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
+        elif not 1 / SAME_SPEED < times < SAME_SPEED:
+            report.warn(text)
+    report.check_speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))
