@@ -144,12 +144,14 @@ class Study:
 
     def _show_seeds(self, output: Output) -> None:
         """Writes what ``output`` says of runs of several seeds, and pages that single ones lack."""
+        from genie_sim.analysis.figures import makers
+
         runs = load_seeds(self.folder)
         with folders.derived(self.folder) as attempt:
             for run in runs.runs if output.page else ():
                 if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
-                        template.write(page, pages.of_run(run))
+                        template.write(page, pages.of_run(run, makers(run)))
             output.make(runs, self.folder, attempt)
 
     @property

@@ -225,18 +225,11 @@ def test_the_place_for_results_is_checked_before_simulating(tmp_path):
     check_writable(tmp_path / "not" / "yet" / "there")
     assert everything_in(tmp_path) == []
     (tmp_path / "file").write_text("not a folder")
-    for out in (tmp_path / "file", tmp_path / "file" / "results"):
+    too_long = tmp_path / ("x" * 300)
+    for out in (tmp_path / "file", tmp_path / "file" / "results", too_long):
         with pytest.raises(UserError, match="no results can be written there") as caught:
             check_writable(out)
         assert str(out) in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_a_name_longer_than_the_file_system_allows_is_one_line(tmp_path):
-    with pytest.raises(
-        UserError,
-        match=r"no results can be written there \(--out says where else\): File name too long",
-    ):
-        check_writable(tmp_path / ("x" * 300))
 
 
 @pytest.mark.unix
@@ -284,9 +277,7 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
     with pytest.raises(UserError, match=r"empty: .* no run\.json"):
         provenance.read_run_json(tmp_path / "empty")
     (tmp_path / "run.json").write_text('{"format": 1}')
-    with pytest.raises(
-        UserError, match="made by an older genie-sim: format 1, this one reads 6; run it again"
-    ):
+    with pytest.raises(UserError, match=r"made by an older genie-sim: format 1, .*; run it again"):
         provenance.read_run_json(tmp_path)
     for wrong in ("{half", "[]", '{"format": 999}', "[" * 100_000):
         (tmp_path / "run.json").write_text(wrong)

@@ -94,14 +94,15 @@ def some_objects(table: Table, at_once: int = 1) -> Table:
 
 @pytest.mark.slow
 def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
-    """And few of them are in memory: that is what it is for."""
+    """And most of them are there before it is written: that is what it is for."""
     here, spilled = (
         some_objects(Table(OBJECTS)),
         some_objects(Table(OBJECTS, tmp_path / "objects.partial")),
     )
     assert len(spilled) == len(here) == 150_000
-    assert spilled.size_bytes < here.size_bytes / 5
+    before_bytes = (tmp_path / "objects.partial").stat().st_size
     spilled.write(tmp_path / "objects.parquet")
+    assert before_bytes > 0.8 * (tmp_path / "objects.parquet").stat().st_size
     pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
     assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
     told = pq.ParquetFile(tmp_path / "objects.parquet").metadata
@@ -213,16 +214,6 @@ def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
     assert list(file.read().to_pandas().frame) == [*range(5), *range(5)]
 
 
-def test_a_logged_frame_takes_less_than_120_bytes():
-    """Against 360 for a dict a row."""
-    table = Table(FRAMES)
-    for frame in range(20_000):
-        row = OpenFrame("genie", Header(frame, "camera_02", "car1"), frame)
-        row.received_ns = frame
-        table.append(row.values())
-    assert table.size_bytes / len(table) < 120
-
-
 def test_a_column_that_is_never_empty_refuses_none():
     for column in ({"stamp_ns": None}, {"car": None}):
         table = Table(FRAMES)
@@ -231,13 +222,6 @@ def test_a_column_that_is_never_empty_refuses_none():
         table.append(frame.values())
         with pytest.raises(TypeError, match="is never empty"):
             table.to_frame()
-
-
-def test_a_column_says_so_if_it_may_be_empty():
-    table = Table(Schema("one", "a row", (Column("name", "int64", "", ""),)))
-    table.append((None,))
-    with pytest.raises(TypeError, match="is never empty"):
-        table.to_frame()
 
 
 ONE_OF_EACH = Schema(

@@ -539,7 +539,7 @@ def test_a_sweep_can_be_loaded_compared_and_reported(uninterrupted, capsys):
     differences = swept.differences("rate", 0.1)
     assert set(differences["rate"]) == {0.5} and len(differences)
     assert main(["report", "results/s"]) == 0
-    assert "table.csv beside this page" in Path("results/s/report.html").read_text()
+    assert "table.csv in the folder of the results" in Path("results/s/report.html").read_text()
     table = genie_sim.compare("results/s", swept, labels=["a", "b"]).table
     assert "b, rate 0.1, gate [m] 1" in set(table["setting"])
     assert (table[table["against"] != ""]["value"] == 0).all(), "it is compared with itself"
