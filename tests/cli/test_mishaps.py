@@ -294,7 +294,7 @@ def test_what_cannot_be_drawn_or_written_leaves_the_tables(monkeypatch, capsys, 
         raise ZeroDivisionError("of a library")
 
     monkeypatch.setattr("genie_sim.report.pages.of_run", full)
-    monkeypatch.setattr("genie_sim.analysis.figures.of_run", broken)
+    monkeypatch.setattr("genie_sim.analysis.figures.save_all", broken)
     line = ["run", "street_1car_homo", "--figures"]
     assert main([*line, "--set", "cars[0].route.window=[0 s, 1 s]"]) == 1
     (folder,) = Path("results").iterdir()
