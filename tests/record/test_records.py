@@ -5,10 +5,6 @@ memory.
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -184,26 +180,6 @@ def test_a_table_without_rows_is_a_table(schema, tmp_path):
     empty = tables.read(tmp_path / "empty.parquet", schema)
     assert len(empty) == 0 and empty.names == [column.name for column in schema.columns]
     assert empty.names[0] == "method"
-
-
-@pytest.mark.process
-def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
-    script = (
-        "import sys; from pathlib import Path; from tests.record.test_records import"
-        " a_short_drive as drive; "
-    )
-    script += "drive(5).write(Path(sys.argv[1]))"
-    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
-    for path, hash_seed in zip(paths, ("0", "4711"), strict=True):
-        environment = os.environ | {
-            "PYTHONHASHSEED": hash_seed,
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        }
-        here = str(Path(__file__).parents[2])
-        subprocess.run(
-            [sys.executable, "-c", script, str(path)], env=environment, cwd=here, check=True
-        )
-    assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
