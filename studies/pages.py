@@ -45,7 +45,7 @@ class Shown(NamedTuple):
 def points_of(study: str) -> pd.DataFrame:
     """The means of a sweep's points."""
     points = pd.read_csv(RESULTS / study / "points.csv", keep_default_na=False)
-    return points[(points["along"] == "") & (points["placement"] == "all")]
+    return points[points["placement"] == "all"]
 
 
 def found(points: pd.DataFrame, **where: Any) -> list[float]:
@@ -124,10 +124,8 @@ def streets_picture() -> Figure:
 
 
 def failing_edge() -> str:
-    faults = ("crash, cold", "five times slower")
-    columns = {"before": {"fault": faults[0], "component": "before"}} | {
-        fault: {"fault": fault, "component": "during"} for fault in faults
-    }
+    faults = ("no fault", "crash, cold", "five times slower")
+    columns = {fault: {"fault": fault, "component": "during"} for fault in faults}
     recall = (Shown("recall [%]", "fault_recall", 100),)
     return by_metric("failing_edge", recall, (*WITH_TRACKERS, "sim_lru"), columns)
 

@@ -261,13 +261,17 @@ def _loaded_by(statement: str) -> set[str]:
     return set(told.stdout.split())
 
 
-def test_scripts_of_pages_import_nothing():
-    """A page is one file, its scripts stand in it one after the other: none has a module to
-    import.
+def test_scripts_of_pages_import_what_they_use_from_those_beside_them():
+    """A page is one file, of which each script is an object: a browser looks for a name in it only
+    when it comes to it.
     """
     for path in PACKAGE.rglob("*.js"):
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            assert not line.startswith(("import ", "export ")), f"{path}:{number}: {line}"
+        code = path.read_text(encoding="utf-8")
+        for names, other in re.findall(r'^import \{([^}]*)\} from "\./([^"]*)";$', code, re.M):
+            exporting = (path.parent / other).read_text(encoding="utf-8")
+            exported = re.findall(r"^export (?:async )?\w+ (\w+)", exporting, re.M)
+            assert {*re.findall(r"\w+", names)} <= {*exported}, path
+        assert len(re.findall("^import ", code, re.M)) == len(re.findall(r'from "\./', code)), path
 
 
 @pytest.mark.slow

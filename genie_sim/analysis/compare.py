@@ -8,19 +8,19 @@ out, so that the numbers of a row agree.
 
 A run ``a`` beside a run ``b`` of two methods, each of seed 1, is four arms: ``a: remote`` and
 ``a: genie``, then ``b: remote``, which is compared with the first, and ``b: genie``, with the
-second. A sweep alone, of two rates, is also four: at each rate ``genie`` is compared with
-``remote``.
+second. A run alone, of ``local``, ``remote`` and ``genie``, is three: ``genie`` is compared with
+that of the two baselines which is the best, metric by metric.
 """
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair, of_method
+from genie_sim.analysis.metric import HIGHER, LOWER, MAIN, Metric, Sample, half_of_pair, of_method
 from genie_sim.analysis.metrics import samples, with_formulas
 from genie_sim.analysis.registry import Words, definition, shown
 from genie_sim.analysis.seed_runs import means_of, seeds_text
@@ -54,7 +54,8 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """One method under one setting: its runs by seed, and the arm that it is compared with.
+    """One method under one setting: its runs by seed, and the arms with the best of which it is
+    compared, metric by metric.
 
     ``setting`` is empty where there is one only.
     """
@@ -62,7 +63,7 @@ class Arm:
     method: MethodInfo
     runs: Seeds
     setting: str = ""
-    against: "Arm | None" = None
+    against: "Sequence[Arm]" = ()
 
     @property
     def label(self) -> str:
@@ -87,14 +88,15 @@ class Arm:
 
 class Difference(NamedTuple):
     """A metric of an arm, what it is ``about``, and, where the arm is compared with another, that
-    one's value and the difference of both. ``by`` says what is paired, ``n`` how many of them, and
-    ``of_seeds`` is the difference under each seed.
+    arm, its value and the difference of both. ``by`` says what is paired, ``n`` how many of them,
+    and ``of_seeds`` is the difference under each seed.
     """
 
     metric: str
     arm: Arm
     value: float
     about: Metric
+    against: Arm | None = None
     against_value: float | None = None
     difference: float | None = None
     low: float | None = None
@@ -102,11 +104,6 @@ class Difference(NamedTuple):
     by: str = ""
     n: int = 0
     of_seeds: Sequence[float] = ()
-
-    @property
-    def against(self) -> Arm | None:
-        """The arm with which this one is compared."""
-        return self.arm.against
 
     @property
     def verdict(self) -> str:
@@ -188,8 +185,10 @@ def compare(
 
     ``methods``: which, in this order (default: all). ``labels``: what the results are called, in
     the order in which they come. ``metrics``: which, by default those of tables. The first result
-    is what the others are compared with, under the same method; of one alone, the first method of
-    each setting. Raises UserError for results that cannot be compared.
+    is what the others are compared with, under the same method. Of one alone, each method is
+    compared, metric by metric, with the best of the baselines (``Method.baseline``) of its setting;
+    with the first, if the methods are named or all are baselines or none is. Raises UserError for
+    results that cannot be compared.
     """
     comparison = compared(results, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
@@ -276,19 +275,29 @@ def _common(results: Mapping[str, Cells]) -> tuple[list[Setting], str]:
 
 def _arms(settings: Sequence[Setting], methods: Sequence[str]) -> list[Arm]:
     """The arms of all settings. In a cell each is compared with that of its method in the first
-    result, of one result with that of the first method; these with nothing.
+    result, of one result with the best of the ``_references``; these with nothing.
     """
     arms: list[Arm] = []
-    firsts: dict[tuple[str, str], Arm] = {}
+    firsts: dict[str, Sequence[Arm]] = {}
     several = any(setting.result != settings[0].result for setting in settings)
     for result, cell, runs in settings:
         place = ", ".join(filter(None, [result if several else "", cell]))
-        for method in _chosen(_any(runs), methods):
-            key = cell, method.name if several else ""
-            arms.append(Arm(method, runs, place, firsts.get(key)))
-            if result == settings[0].result:
-                firsts.setdefault(key, arms[-1])
+        of_cell = [Arm(method, runs, place) for method in _chosen(_any(runs), methods)]
+        if result == settings[0].result:
+            firsts[cell] = of_cell if several else _references(of_cell, are_named=bool(methods))
+        for arm in of_cell:
+            name = arm.method.name
+            against = [of for of in firsts[cell] if not several or of.method.name == name]
+            arms.append(arm if arm in firsts[cell] else replace(arm, against=against))
     return arms
+
+
+def _references(arms: Sequence[Arm], *, are_named: bool) -> Sequence[Arm]:
+    """Of one setting the arms with the best of which the others are compared: the baselines; the
+    first arm, if the user names the methods, or all are baselines, or none is.
+    """
+    baselines = [arm for arm in arms if arm.method.baseline]
+    return baselines if 0 < len(baselines) < len(arms) and not are_named else arms[:1]
 
 
 def _rows(metrics: Sequence[str], arms: Sequence[Arm]) -> Iterator[Difference]:
@@ -298,22 +307,39 @@ def _rows(metrics: Sequence[str], arms: Sequence[Arm]) -> Iterator[Difference]:
     numbers = {arm: _numbers(arm) for arm in arms}
     samples_of = {arm: _samples(arm) for arm in arms}
     for metric in metrics:
-        for arm in arms:
-            ours = numbers[arm].get(metric, {})
-            theirs = numbers[arm.against].get(metric, {}) if arm.against is not None else {}
+        of_metric = {arm: numbers[arm].get(metric, {}) for arm in arms}
+        for arm, ours in of_metric.items():
+            about = definition(metric, arm.words)
+            against = _best(about, ours, {other: of_metric[other] for other in arm.against})
+            theirs = of_metric[against] if against is not None else {}
             seeds = [seed for seed in ours if seed in theirs] or [*ours]
             if not seeds:
                 continue
             mean = float(np.mean([ours[seed][0] for seed in seeds]))
-            row = Difference(metric, arm, mean, definition(metric, arm.words))
-            if arm.against is not None and theirs.keys() >= {*seeds}:
+            row = Difference(metric, arm, mean, about, against=against)
+            if against is not None and theirs.keys() >= {*seeds}:
                 mean = float(np.mean([theirs[seed][0] for seed in seeds]))
                 row = row._replace(against_value=mean, difference=row.value - mean)
                 if len(arm.runs) == 1:
-                    row = _over_blocks(row, samples_of[arm], samples_of[arm.against])
+                    row = _over_blocks(row, samples_of[arm], samples_of[against])
                 elif len(seeds) > 1:
                     row = _over_seeds(row, [(ours[seed], theirs[seed]) for seed in seeds])
             yield row
+
+
+def _best(
+    about: Metric, ours: Mapping[int, Number], others: Mapping[Arm, Mapping[int, Number]]
+) -> Arm | None:
+    """Of the other arms that with the best mean over our seeds; the first where neither is better
+    or none has a value.
+    """
+    means = {
+        arm: np.mean([value for seed, (value, _) in theirs.items() if seed in ours])
+        for arm, theirs in others.items()
+        if ours.keys() & theirs
+    }
+    sign = {LOWER: 1, HIGHER: -1}.get(about.better, 0)
+    return min(means or others, key=lambda arm: sign * means.get(arm, 0), default=None)
 
 
 def _told_differently(arms: Sequence[Arm]) -> dict[str, str]:

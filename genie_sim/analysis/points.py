@@ -254,7 +254,8 @@ def differences(
         axis.set_title(titles_of[number])
         name_rows(axis, [arm.title if number % columns == 0 else "" for arm in arms])
     references = list(dict.fromkeys(row.against.title for row in rows if row.against))
-    against = references[0] if len(references) == 1 else "the first setting"
+    several = "the first setting" if len(comparison.names) > 1 else "the best baseline"
+    against = references[0] if len(references) == 1 else several
     note, title = f"difference from {against}" if rows else "", "Paired differences"
     if by := comparison.units.replace(" ", "\u00a0"):  # on one line
         note, title = f"{note}, 95 % intervals paired by {by}", f"{title} with 95 % intervals"

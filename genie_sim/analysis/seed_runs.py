@@ -22,6 +22,7 @@ STUDY_FIELDS: Mapping[str, tuple[type, str]] = {  # what a study may say of itse
     "run_ids": (list, "a list"),
     "methods": (list, "a list"),
     "titles": (dict, "a mapping"),
+    "baselines": (list, "a list"),
     "metrics": (dict, "a mapping"),
     "genie_sim": (str, "text"),
 }

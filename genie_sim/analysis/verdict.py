@@ -19,9 +19,8 @@ def verdicts(comparison: ComparedRuns) -> list[str]:
             for row in comparison.rows
             if row.arm is arm and row.difference is not None
         }
-        headlines = [rows[name] for name in shown(HEADLINE, rows)]
-        if headlines and arm.against is not None:
-            sentences.append(_sentence(arm, arm.against, headlines))
+        if headlines := [rows[name] for name in shown(HEADLINE, rows)]:
+            sentences.append(_sentence(arm, headlines))
     return sentences
 
 
@@ -36,23 +35,22 @@ PHRASES = {  # of a verdict: how a part of the sentence begins, and what stands 
 }
 
 
-def _sentence(arm: Arm, reference: Arm, rows: Sequence[Difference]) -> str:
+def _sentence(arm: Arm, rows: Sequence[Difference]) -> str:
     parts: list[str] = []
+    named = None  # the arm that the sentence has named last
     for verdict, (begin, before) in PHRASES.items():
         of_kind = [row for row in rows if row.verdict == verdict]
-        if of_kind:
-            to = "" if parts else f" {before} {reference.title}"
-            titles = [row.about.title for row in of_kind]
-            listed = _joined(titles) if verdict == "equal" else _listed(of_kind)
-            parts.append(f"{begin}{to} in {listed}")
+        for reference in dict.fromkeys(row.against for row in of_kind if row.against is not None):
+            alike = [row for row in of_kind if row.against is reference]
+            to = "" if reference is named else f" {before} {reference.title}"
+            parts.append(f"{begin}{to} in {_joined([_difference(row) for row in alike])}")
+            named = reference
+    if len(arm.against) > 1:
+        parts.append("each against the best baseline")
     sure = next((row for row in rows if row.low is not None and row.verdict != "equal"), None)
     if sure is not None:
         parts.append(f"95 % intervals of paired differences, over {sure.n} {sure.by}")
     return f"{arm.title} is {'; '.join(parts)}."
-
-
-def _listed(rows: Sequence[Difference]) -> str:
-    return _joined([_difference(row) for row in rows])
 
 
 def _joined(texts: Sequence[str]) -> str:
@@ -60,9 +58,10 @@ def _joined(texts: Sequence[str]) -> str:
 
 
 def _difference(row: Difference) -> str:
-    """``first answer, mean (-340 ms, -342 to -338)``."""
+    """``first answer, mean (-340 ms, -342 to -338)``; the title alone of what is the same."""
     info = row.about
-    assert row.difference is not None
+    if row.difference is None or row.verdict == "equal":
+        return info.title
     unit = "percentage points" if info.unit == "%" else info.unit
     text = f"{number_text(info.factor * row.difference, sign='+')} {unit}".rstrip()
     if row.low is not None and row.high is not None:

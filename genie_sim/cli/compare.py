@@ -41,8 +41,8 @@ def compare(
 ) -> None:
     """Compare results, seed by seed.
 
-    Of one result alone, its methods are compared. Seeds that not all results have are left out; a
-    line says so.
+    Of one result alone, each method is compared with the best baseline of each metric, or, with
+    --methods, with the first. Seeds that not all results have are left out; a line says so.
     """
     from genie_sim import api
     from genie_sim.analysis import compare_tables, renderers

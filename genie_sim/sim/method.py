@@ -258,7 +258,7 @@ class HostConfig:
 
 
 class Method:
-    """A scheme that answers the cars' frames. Other methods are compared with a ``baseline``.
+    """A scheme that answers the cars' frames. Others are compared with the best ``baseline``.
 
     A class that inherits from this one is no baseline and puts a detector on every edge that gets
     images, unless it says so.

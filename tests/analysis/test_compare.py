@@ -15,6 +15,7 @@ import pytest
 import genie_sim as gs
 from genie_sim.analysis import compare_tables, metrics, renderers
 from genie_sim.analysis.compare import BLOCKS, SEEDS, Difference, compare
+from genie_sim.analysis.tidy import cells_of
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
@@ -22,7 +23,6 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, Run
 from genie_sim.report import comparison, pages
 from genie_sim.report.output import Output
-from genie_sim.report.result import cells_of
 from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 
@@ -85,6 +85,21 @@ def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Ru
     assert found.difference == pytest.approx(gap)
     assert found.low is not None and found.high is not None and found.low < gap < found.high < 0
     assert "blocks" in compare_tables.about(made) and "other seeds" in compare_tables.about(made)
+
+
+def test_a_run_alone_is_compared_with_the_best_baseline_of_each_metric(usual: list[Run]):
+    made = compare(usual[:1])
+    rows = {one.metric: one for one in made.rows if one.against}
+    assert {one.arm.label for one in rows.values()} == {"genie"}
+    for metric, best in {"first_answer_mean": min, "ghost_share": min, "streaming_f1": max}.items():
+        values = {name: measured(usual[0], metric, name) for name in ("local", "remote")}
+        assert rows[metric].against.label == best(values, key=values.__getitem__)
+        assert rows[metric].against_value == best(values.values())
+    assert {one.against.label for one in rows.values()} == {"local", "remote"}
+    assert {one.against.label for one in compare(usual).rows if one.against} == {"local", "remote"}
+    named = compare(usual[:1], ["local", "remote", "genie"])
+    pairs = {(one.against.label, one.arm.label) for one in named.rows if one.against}
+    assert pairs == {("local", "remote"), ("local", "genie")}
 
 
 def test_a_block_interval_by_hand(usual: list[Run]):
@@ -294,6 +309,8 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     assert gains == pytest.approx([0.25, 0.25])
     close = table.assign(rate=np.where(table["rate"] < 0.3, 1e6, 1e6 + 1))
     assert [*cells_of(close, ["rate"], methods, **about)] == ["rate 1e+06", "rate 1000001.0"]
+    with pytest.raises(UserError, match=r"two settings are called 'rate 0\.1'"):
+        cells_of(table.replace({"rate": {0.5: "0.1"}}), ["rate"], methods, **about)
     again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     made = compare([sweep, again], labels=["a", "b"])
     rows = {one.arm.label: one.difference for one in made.rows if one.against}
@@ -367,7 +384,7 @@ def test_the_command_and_the_library_say_the_same(
         == 0
     )
     printed = capsys.readouterr().out
-    in_hand = gs.compare(made.folder, methods=["local", "remote", "genie"])
+    in_hand = gs.compare(made.folder)
     assert printed == in_hand.text("csv")
     assert len(in_hand.table) == printed.count("\n") - 1 and in_hand.settings.empty
     assert (tmp_path / "page" / "compare.html").is_file()

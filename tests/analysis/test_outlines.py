@@ -61,13 +61,15 @@ def test_accuracy_versus_latency():
 
 def test_differences():
     first = Arm(MethodInfo("a", "A", False), {})
-    others = {name: Arm(MethodInfo(name, name.upper(), False), {}, against=first) for name in "bc"}
+    others = {
+        name: Arm(MethodInfo(name, name.upper(), False), {}, against=[first]) for name in "bc"
+    }
 
     def row(metric: str, arm: str, difference: float, reach: float | None) -> Difference:
         low, high = (None, None) if reach is None else (difference - reach, difference + reach)
         about = registry.definition(metric)
         return Difference(
-            metric, others[arm], 1.0, about, 1.0, difference, low, high, by=SEEDS, n=5
+            metric, others[arm], 1.0, about, first, 1.0, difference, low, high, by=SEEDS, n=5
         )
 
     arms = [first, *others.values()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from genie_sim.analysis import compare_tables, registry
@@ -11,13 +13,14 @@ from genie_sim.analysis.verdict import verdicts
 from genie_sim.record.results import MethodInfo
 
 FIRST = Arm(MethodInfo("a", "A", False), {})
-SECOND = Arm(MethodInfo("b", "B", False), {}, against=FIRST)
+OTHER = Arm(MethodInfo("c", "C", True), {})
+SECOND = Arm(MethodInfo("b", "B", False), {}, against=[FIRST])
 
 
 def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:
     about = registry.definition(metric)
     by = SEEDS if low is not None else ""
-    return Difference(metric, SECOND, 1.0, about, 1.0, difference, low, high, by=by, n=5)
+    return Difference(metric, SECOND, 1.0, about, FIRST, 1.0, difference, low, high, by=by, n=5)
 
 
 def comparison(*rows: Difference) -> ComparedRuns:
@@ -66,6 +69,21 @@ def test_a_sentence_says_in_what_by_how_much_and_how_sure():
         "B is better than A in first answer, mean (-340 ms, -342 to -338); worse in streaming F1 "
         "(-2 percentage points, -3 to -1); not clearly different in false objects "
         "(+2 percentage points, -1 to +5); 95 % intervals of paired differences, over 5 seeds."
+    ]
+
+
+def test_a_sentence_names_the_best_baseline_of_each_metric():
+    arm = replace(SECOND, against=[FIRST, OTHER])
+    rows = [
+        row("first_answer_mean", -340.0, -342.0, -338.0)._replace(arm=arm),
+        row("streaming_f1", -0.02, -0.03, -0.01)._replace(arm=arm, against=OTHER),
+        row("ghost_share", 0.02, 0.01, 0.05)._replace(arm=arm, against=OTHER),
+    ]
+    assert verdicts(ComparedRuns([FIRST, OTHER, arm], rows, ["town"], {})) == [
+        "B is better than A in first answer, mean (-340 ms, -342 to -338); worse than C in "
+        "streaming F1 (-2 percentage points, -3 to -1) and false objects (+2 percentage points, +1 "
+        "to +5); each against the best baseline; 95 % intervals of paired differences, over 5 "
+        "seeds."
     ]
 
 

@@ -134,10 +134,6 @@ class Crossing(NamedTuple):
         """Of the way across it: straight, or a quarter of a circle."""
         return abs(math.pi / 2 / self.curvature_per_m) if self.turn else 2 * JUNCTION_M
 
-    def free_s(self, arrival_s: float) -> float:
-        """When its light lets a car go on that arrives at a time [s]: then, or once it is green."""
-        return green_at(self.node, self.northbound, arrival_s) if self.has_light else arrival_s
-
 
 def drive(
     commuting: Commuting, random: np.random.Generator, begin_s: float, end_s: float
@@ -162,7 +158,9 @@ def drive(
         through_mps = crossing.through_mps
         phases, end_mps = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, through_mps))
         arrival_s = t_s + math.fsum(phase.seconds for phase in phases)
-        free_s = crossing.free_s(arrival_s)
+        free_s = arrival_s
+        if crossing.has_light:
+            free_s = green_at(crossing.node, crossing.northbound, arrival_s)
         stops = crossing.has_stop_sign or free_s > arrival_s
         if stops:
             phases, end_mps = _phases(rules, length_m, limit_mps, ends_mps=(speed_mps, 0.0))

@@ -1,10 +1,10 @@
 """What a town is made of: its streets, what stands and moves there, and how its people commute."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
-from genie_sim.base.marks import NOT_NEGATIVE, POSITIVE, Bounds, Count, Share
+from genie_sim.base.marks import NOT_NEGATIVE, Bounds, Count, Share
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
@@ -17,7 +17,11 @@ CLEAR_M = 14.0  # from a crossing, free of parked cars
 GHOST_BESIDE_M = 9.0  # from the middle of a street to the places of ghosts
 STREET_HALF_M = 8.0  # the narrowest street with room for two lanes, parked cars and a pavement
 
+MAX_OBJECTS = 5_000_000  # more would fill the memory of most machines
+
 Blocks = Annotated[int, Bounds(minimum=1, maximum=100)]
+Speed = Annotated[float, Bounds(above=0, maximum=100)]
+Acceleration = Annotated[float, Bounds(minimum=0.01, maximum=100)]
 Density = Annotated[float, Bounds(minimum=0, maximum=100)]
 
 
@@ -49,16 +53,16 @@ class TownRules:
     street_half_m: float = 10.0
     """Distance from the middle of a street to the houses beside it."""
 
-    speed_mps: Annotated[float, POSITIVE] = 30 / 3.6
+    speed_mps: Speed = 30 / 3.6
     """Speed limit of a street [m/s]."""
 
-    main_speed_mps: Annotated[float, POSITIVE] = 50 / 3.6
+    main_speed_mps: Speed = 50 / 3.6
     """Speed limit of a main street [m/s]."""
 
-    acceleration_mps2: Annotated[float, POSITIVE] = 1.5
+    acceleration_mps2: Acceleration = 1.5
     """Acceleration of cars [m/s²]."""
 
-    braking_mps2: Annotated[float, POSITIVE] = 2.0
+    braking_mps2: Acceleration = 2.0
     """Deceleration of braking cars [m/s²]."""
 
     parked_cars_per_100m: Density = 15.0
@@ -107,6 +111,13 @@ class TownRules:
         if self.parked_cars_per_100m > room:
             why = f"do not fit; between junctions there is room for {room:.1f}"
             raise SettingError("parked_cars_per_100m", f"{self.parked_cars_per_100m:g} {why}")
+        east, north = self.blocks
+        streets_m = (east * (north + 1) + north * (east + 1)) * self.block_m
+        densities = [field.name for field in fields(self) if field.name.endswith("_per_100m")]
+        count = streets_m / 100 * math.fsum(getattr(self, name) for name in densities)
+        if count > MAX_OBJECTS:
+            what = f"{count:,.0f} objects beside {streets_m:,.0f} m of streets"
+            raise SettingError("blocks", f"make about {what}; at most {MAX_OBJECTS:,}")
 
     @property
     def parking_slots(self) -> int:

@@ -41,9 +41,10 @@ class VehicleRows(NamedTuple):
     ``times_s`` are the steps (n,) and ``step``, ``vehicle``, ``x_m``, ``y_m``, ``angle_deg`` have
     one value for each vehicle and step: the front bumper, and the heading clockwise from north.
     ``ids`` and ``types`` are those of the vehicles, and of persons on foot, whose place is their
-    middle. ``report`` tells what was read.
+    middle. ``begin_s`` is when the simulation begins, ``report`` tells what was read.
     """
 
+    begin_s: float
     times_s: Array
     ids: list[str]
     types: list[str]
@@ -235,6 +236,7 @@ def read_fcd(
     vehicle, known = pd.factorize(numbers)  # in the order in which they come
     names = list(reader.numbers)
     rows = VehicleRows(
+        begin_s=begin_s,
         times_s=np.array([step.time_s for step in steps]),
         ids=[names[number][0] for number in known],
         types=[reader.types[number] for number in known],
@@ -252,7 +254,7 @@ def read_fcd(
         len(rows.step) + sum(step.invalid for step in steps),
         f"a place of {INVALID:.0f}, SUMO's mark of none",
     )
-    tell(rows, begin_s, duration_s)
+    tell(rows, duration_s)
     compare_ways(rows, speeds_mps=values[:, 3])
     return rows
 

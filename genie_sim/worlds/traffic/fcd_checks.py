@@ -17,14 +17,14 @@ SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gon
 JUMP_MPS = 70.0  # assumed: what goes faster from one step to the next has not driven there
 
 
-def tell(rows: "VehicleRows", begin_s: float, duration_s: float) -> None:
+def tell(rows: "VehicleRows", duration_s: float) -> None:
     """What was read, for the report."""
     report, persons = rows.report, sum(rows.is_person)
     report.read("vehicles", len(rows.ids) - persons)
     if persons:
         report.read("persons", persons)
     report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
-    known_s = float(rows.times_s[-1]) - begin_s
+    known_s = float(rows.times_s[-1]) - rows.begin_s
     if known_s + LONG_GAP_S < duration_s:
         report.warn(
             f"ends {known_s:.4g} s after the beginning, before 'duration' of "

@@ -51,16 +51,13 @@ class Traffic(Scene):
     ) -> None:
         super().__init__(seed, settings.view_m, settings.range_m)
         self.settings, self.path, self.report = settings, path, rows.report
-        begin_s = rows.times_s.item(0)
-        if settings.begin_ns is not None:
-            begin_s = settings.begin_ns / NS_PER_S
-        self.end_s = min(settings.duration_ns / NS_PER_S, rows.times_s.item(-1) - begin_s)
-        self.vehicles = Vehicles(rows, begin_s, settings.types)
+        self.end_s = min(settings.duration_ns / NS_PER_S, rows.times_s.item(-1) - rows.begin_s)
+        self.vehicles = Vehicles(rows, settings.types)
         self._content = _content(rows)
         types = sorted(self.vehicles.types_by_name.items())
         self._types = {name: asdict(kind) for name, kind in types}
-        decisive = [self._content, begin_s, self.view_m, self._types, seed, self.laws.digest]
-        self.digest = hashlib.sha256(json.dumps(decisive).encode()).hexdigest()
+        seen = [self._content, rows.begin_s, self.view_m, self._types, seed, self.laws.digest]
+        self.digest = hashlib.sha256(json.dumps(seen).encode()).hexdigest()
 
     @functools.cached_property
     def objects(self) -> ObjectColumns:

@@ -17,9 +17,9 @@ from genie_sim.worlds.traffic.vehicles import Vehicles
 from tests.worlds.traffic.fcd_files import write_fcd
 
 
-def vehicles_of(folder, steps, types=None, *, begin_s=0.0, own_types=None) -> Vehicles:
+def vehicles_of(folder, steps, types=None, *, own_types=None) -> Vehicles:
     path = write_fcd(folder / "a.xml", steps, types=types)
-    return Vehicles(read_fcd(path, None, 1000.0), begin_s, own_types or {})
+    return Vehicles(read_fcd(path, None, 1000.0), own_types or {})
 
 
 def at(vehicles: Vehicles, vehicle: int, t_s: float):
@@ -48,7 +48,7 @@ def test_the_file_tells_the_front_bumper_and_a_compass_bearing(tmp_path):
 
 def test_between_steps_it_goes_straight_and_turns_the_shorter_way(tmp_path):
     steps = [(5.0, {"a": (0, 2.5, 0)}), (6.0, {"a": (0, 6.5, 0)})]
-    vehicles = vehicles_of(tmp_path, steps, begin_s=5.0)
+    vehicles = vehicles_of(tmp_path, steps)
     assert at(vehicles, 0, 0.25) == (0, 1, 90, 4)
     steps = [(0.0, {"a": (0, 0, 350)}), (1.0, {"a": (0, 4, 20)})]
     vehicles = vehicles_of(tmp_path, steps)
