@@ -28,7 +28,6 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
     """
     notes: list[str] = []
     replay = replay_data(run, start_ns, notes)
-    several = len(run.methods) > 1
     description = str(run.facts["scenario"]["description"])
     return Page(
         kind="one run",
@@ -36,7 +35,7 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
         title=f"{run.title}, run {run.run_id}",
         about=[*filter(None, [description]), f"{screen.header(run)}."],
         sections=[
-            Section("In short", [template.listed(verdicts(compared([run])) if several else [])]),
+            Section("In short", [template.listed(verdicts(compared([run])))]),
             Section(
                 "Results",
                 [template.table(summary.main_table(run)), template.note(summary.ABOUT_INTERVALS)],
