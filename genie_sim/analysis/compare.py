@@ -193,14 +193,7 @@ def compare(
     comparison = compared(results, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
         if metrics and not comparison.rows and len(comparison.arms) > 1:
-            runs = [run for arm in comparison.arms for run in arm.runs.values()]
-            numbers = [number for run in runs for number in run.measured]
-            if any(one.metric in metrics and one.value is not None for one in numbers):
-                names = ", ".join(metrics)
-                raise UserError(
-                    f"compare: no method as a whole has a value of {names}; see genie-sim table"
-                )
-            raise UserError(f"compare: {no_value(*metrics)}")
+            raise UserError(f"compare: of methods as a whole, {no_value(*metrics)}")
         raise UserError(
             "compare: nothing to compare: give two results, or one with several methods"
         )
