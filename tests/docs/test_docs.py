@@ -29,8 +29,12 @@ FOLLOWED = [
     if name not in WITH_TESTS_OF_THEIR_OWN
     and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
-# whole studies of several seeds; their commands are tested in tests/study and tests/cli
-NIGHTLY = ("how-to/compare.md", "how-to/fleets.md", "how-to/results.md", "sweeps.md")
+# Long ones. Their commands are tested in tests/study, tests/cli and tests/worlds/traffic, the
+# method of extend/method.md in test_extend_pages.py; index.md runs what latencies.md does.
+NIGHTLY = (
+    *("explanation/latencies.md", "explanation/looks.md", "extend/method.md", "sweeps.md"),
+    *(f"how-to/{page}.md" for page in ("compare", "fleets", "results", "sumo")),
+)
 
 
 @pytest.mark.process

@@ -36,7 +36,7 @@ def seeds_of(folder: Path) -> SeedRuns:
 
 def test_every_seed_has_its_results_and_the_folder_page_and_figures(folder, capsys):
     for seed in (2, 5, 9):
-        assert {"run.json", "frames.parquet", "report.html"} <= {
+        assert {"run.json", "frames.parquet", "summary.md", "report.html"} <= {
             path.name for path in (folder / "runs" / f"seed-{seed}").iterdir()
         }
     assert main(["rerun", str(folder / "runs" / "seed-5")]) == 0
@@ -202,7 +202,7 @@ def test_a_table_has_only_the_methods_that_are_asked_for(folder, capsys):
 
 def test_figures_of_several_seeds_have_the_differences_in_any_width(folder, tmp_path):
     command = ["figures", str(folder), "--width", "acm-column", "--out", str(tmp_path)]
-    assert main([*command, "--format", "pdf"]) == 0
+    assert main([*command, "--only", "differences", "--format", "pdf"]) == 0
     page = (tmp_path / "differences.pdf").read_bytes()
     width_points = float(re.search(rb"/MediaBox \[ *0 0 ([\d.]+)", page)[1])
     assert width_points == pytest.approx(72 * 3.33, abs=0.1)

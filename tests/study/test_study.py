@@ -218,7 +218,11 @@ MISTAKES = [
     ("gate, genie.view_range]", "rate]", "would undo genie.object_map.rate"),
     ("set: genie.object_map.rate", "set: seed", "s.yaml: seeds: "),
     ("rate: {", "metric: {", "s.yaml: axes.metric: "),
-    pytest.param("seeds: 3", "seeds: 1000000", "s.yaml: axes: ", marks=pytest.mark.slow),
+    (
+        "points: 2}}",
+        "points: 999}}\n  long: {set: x, grid: {from: 1, to: 9, points: 999}}",
+        "s.yaml: axes: ",
+    ),
     ("street_1car_homo", "1car_hom", "s.yaml: unknown scenario '1car_hom' (did you mean"),
     (RATES, "genie.similarity, list: ['json:no']", "s.yaml: similarity 'json:no'"),
     (RATES, "scenario, list: [fleet_30]", "s.yaml: fleet_30: cars[0]"),
