@@ -106,6 +106,14 @@ class Difference(NamedTuple):
     of_seeds: Sequence[float] = ()
 
     @property
+    def reference(self) -> str:
+        """What people read for the arm with which it is compared: in its own setting the method."""
+        if self.against is None:
+            return ""
+        is_beside = self.against.setting == self.arm.setting
+        return self.against.method.title if is_beside else self.against.title
+
+    @property
     def verdict(self) -> str:
         """``better``, ``worse``, ``different`` where neither is, ``negligible`` below 1 % of the
         value, ``equal``, ``unclear`` where the interval holds zero and more than that, or empty
