@@ -5,31 +5,33 @@ A long run does not fit into one page. Then a stretch of it is kept, with every 
 and held object in it, rather than a thinned whole that would show a hit here and hide the next; the
 page says which.
 
-These are the data that the page's script reads (``replay_model.js``). A name ends with its unit; -1
-is unknown, nobody or never; a text in a column is its place in ``names``; a frame's id is its place
-among those of all streams; of columns marked with + the first value is followed by the
-differences::
+These are the data that the page's script reads (``replay_model.js``), which restores columns to
+what the records have: of a column marked with + the first value is followed by the differences; of
+one marked with @ each value is the place of a text in ``names``, -1 for none; and lengths, angles
+and confidences are whole numbers of cm, mrad and 1/10,000 (e4). A name ends with its unit; -1 is
+unknown or never; a frame's id is its place among those of all streams::
 
     begin_us, end_us    the stretch that is shown; instants count from the start of the run
     cars                name, edge, cameras (whether it has any)
     edges               names
     names               all texts of all columns
-    parts               name and title of each part of the time
-    streams             one a camera: car, stream, fov_mrad, first_id and first_frame (the id and
-                        the number of its first frame), lap_ids (the first of each further lap); of
-                        each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
+    parts               the title of each part of the time
+    streams             one a camera: car, stream, horizontal_fov_rad, first_id and first_frame (the
+                        id and the number of its first frame), lap_ids (the first of each further
+                        lap); of each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
     methods             name, title, cars (those that drive under it), and columns:
       frames            by id; since the stamp: received_ns, first_answer_us, result_answer_us,
-                        fresh_answer_us; texts: outcome, source, served_by, drop;
-                        objects_served, objects_result, objects_fresh, bytes_up, bytes_down
-      lookups           in order of time: t_us+, frame_id, genie, kind, outcome, edge and
+                        fresh_answer_us; outcome@, source@, served_by@, drop@; objects_served,
+                        objects_result, objects_fresh, bytes_up, bytes_down
+      lookups           in order of time: t_us+, frame_id, genie@, kind@, outcome@, edge and
                         neighbour (1: on an edge, asked by another edge), requests, hits, updates,
-                        boost_e4 (10,000 times the confidence added), entries
-      held_objects      in order of time: begin_us+, took_us, car, label, judged, east_cm, north_cm
-      steps             answer by answer: frame_id, which, part, place, took_ns
+                        boost_sum_e4, entries
+      held_objects      in order of time: begin_us+, took_us, car@, label@, judged@, east_cm,
+                        north_cm
+      steps             answer by answer: frame_id, which@, part@, place@, took_ns
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +58,11 @@ def coded(column: Text, names: Codes) -> list[int]:
     places = np.array([*(names[text] for text in column.names), UNKNOWN])  # NO_TEXT is the last
     of_rows: list[int] = places[column.codes].tolist()
     return of_rows
+
+
+def texts(rows: Columns, columns: Sequence[str], names: Codes) -> dict[str, list[int]]:
+    """Columns of texts, packed."""
+    return {f"{name}@": coded(rows[name], names) for name in columns}
 
 
 def scaled(values: "Column", scale: int) -> "Column":
@@ -118,7 +125,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             for method in run.methods
         ],
         "names": list(names),
-        "parts": [(name, title) for name, (title, _) in style.PARTS.items()],
+        "parts": {name: title for name, (title, _) in style.PARTS.items()},
     }
 
 
@@ -211,11 +218,11 @@ def _streams(poses: Columns, frames: Columns) -> Iterator[dict[str, Any]]:
             "first_id": begin,
             "first_frame": int(of_stream["frame"][0]),
             "lap_ids": lap_ids.tolist(),
-            "fov_mrad": round(1000 * float(of_stream["horizontal_fov_rad"][0])),
-            "stamp_us": deltas(of_stream["stamp_ns"] // US),
-            "east_cm": deltas(scaled(of_stream["east_m"], 100)),
-            "north_cm": deltas(scaled(of_stream["north_m"], 100)),
-            "heading_mrad": deltas(scaled(of_stream["heading_rad"], 1000)),
+            "horizontal_fov_rad": round(float(of_stream["horizontal_fov_rad"][0]), 3),
+            "stamp_us+": deltas(of_stream["stamp_ns"] // US),
+            "east_cm+": deltas(scaled(of_stream["east_m"], 100)),
+            "north_cm+": deltas(scaled(of_stream["north_m"], 100)),
+            "heading_mrad+": deltas(scaled(of_stream["heading_rad"], 1000)),
         }
 
 
@@ -251,9 +258,9 @@ def _frames(frames: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
             f"{name}_us": numbers((values - rows["stamp_ns"]) // US)
             for name, values in instants.items()
         },
-        "outcome": numbers(np.array(outcome)),
+        "outcome@": numbers(np.array(outcome)),
         **{
-            name: coded(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names), names)
+            f"{name}@": coded(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names), names)
             for name in ("source", "served_by", "drop")
         },
         **{
@@ -276,11 +283,11 @@ def _lookups(lookups: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     with_pose = with_pose[np.argsort(lookups["t_ns"][with_pose], kind="stable")]
     rows = lookups.rows(with_pose)
     return {
-        "t_us": deltas(rows["t_ns"] // US),
+        "t_us+": deltas(rows["t_ns"] // US),
         "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
-        **{name: coded(rows[name], names) for name in ("genie", "kind", "outcome")},
-        "boost_e4": scaled(rows["boost_sum"], 10_000).tolist(),
+        **texts(rows, ("genie", "kind", "outcome"), names),
+        "boost_sum_e4": scaled(rows["boost_sum"], 10_000).tolist(),
         "frame_id": ids[with_pose].tolist(),
         **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
     }
@@ -297,9 +304,9 @@ def _held_objects(
         "begin_ns"
     )
     return {
-        "begin_us": deltas(rows["begin_ns"] // US),
+        "begin_us+": deltas(rows["begin_ns"] // US),
         "took_us": integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
-        **{name: coded(rows[name], names) for name in ("car", "label", "judged")},
+        **texts(rows, ("car", "label", "judged"), names),
         "east_cm": scaled(rows["east_m"], 100).tolist(),
         "north_cm": scaled(rows["north_m"], 100).tolist(),
     }
@@ -312,6 +319,6 @@ def _steps(steps: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     rows = steps.rows(with_pose)
     return {
         "frame_id": ids[with_pose].tolist(),
-        **{name: coded(rows[name], names) for name in ("which", "part", "place")},
+        **texts(rows, ("which", "part", "place"), names),
         "took_ns": (rows["end_ns"] - rows["begin_ns"]).tolist(),
     }

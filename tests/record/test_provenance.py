@@ -79,27 +79,6 @@ def test_whatever_decides_the_outcome_changes_the_run_id(other):
     assert run_id(other) != run_id(FACTS)
 
 
-@pytest.mark.process
-def test_the_run_id_is_the_same_in_every_process():
-    script = (
-        "import json, sys; from genie_sim.record.provenance import run_id;"
-        " print(run_id(json.load(sys.stdin)))"
-    )
-    for hash_seed in ("0", "99"):
-        environment = os.environ | {
-            "PYTHONHASHSEED": hash_seed,
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        }
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            input=json.dumps(FACTS),
-            env=environment,
-            capture_output=True,
-            text=True,
-        )
-        assert done.stdout.strip() == run_id(FACTS), done.stderr
-
-
 def test_not_a_number_has_no_run_id():
     with pytest.raises(ValueError):
         run_id({"rate": float("nan")})

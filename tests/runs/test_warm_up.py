@@ -124,7 +124,7 @@ def test_everything_says_what_is_not_counted(runs: tuple[Run, Run]):
         screen.header,
         summary.markdown,
         lambda one: one.footer,
-        lambda one: pages.of_run(one, drawn={}),
+        lambda one: pages.of_run(one, {}),
     )
     for show in shown:
         assert said in show(warm) and said not in show(whole)
