@@ -106,8 +106,8 @@ def objects_of(*steps: Step) -> list[tuple[Any, ...]]:
 
 
 def test_a_ghost_is_known_by_its_place_and_time():
-    """The car at 10 m is gone from 0.2 s on, a car at 35 m, which is held twice then, never was; the
-    answer to that frame has neither.
+    """The car at 10 m is gone from 0.2 s on, a car at 35 m, which is held twice then, never was;
+    the answer to that frame has neither.
     """
     before = Frame([thing("car", 10.0, moving=True), thing("person", 15.0)])
     after = Frame([thing("car", 20.0, moving=True), thing("person", 15.0)])
