@@ -12,16 +12,15 @@ from pathlib import Path
 
 import nox
 
-nox.options.sessions = ["lint", "types", "test", "rest", "processes"]
+nox.options.sessions = ["lint", "types", "test", "rest", "ros"]
 nox.options.reuse_existing_virtualenvs = True
 
-# What python -m pytest leaves out (tests/README.md), in two parts.
-REST = "(slow or browser or data) and not (process or ros or nightly)"
+# What python -m pytest leaves out (tests/README.md), but what takes minutes; ROS is the add-on's.
+REST = "(slow or process or browser or data) and not (ros or nightly)"
 ADD_ON = "packages/genie-sim-ros"
 # of a room's lines and branches that the tests run
 LEAST_PERCENT, LEAST_PERCENT_OF_SIMULATOR = 80, 95
 SIMULATOR = ("core", "sim", "methods", "faults")
-PROCESSES = "(process or ros) and not nightly"
 
 
 def install(session: nox.Session, *requirements: str) -> None:
@@ -62,43 +61,37 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def rest(session: nox.Session) -> None:
-    """What the fast tests leave out, the tools and the add-on for ROS, but no test that starts
-    processes or takes minutes. What is missing on this machine is skipped.
+    """What the fast tests leave out, and the tests of the tools, but no test that takes minutes.
+    What is missing on this machine is skipped.
     """
-    install(session, ".[test]", f"./{ADD_ON}[test]")
-    pytest = ("python", "-m", "pytest", *session.posargs)
-    passed = [
-        status_of(session, *pytest, "--durations=15", "-m", REST) == 0,
-        status_of(session, *pytest, "-m", "not nightly", "tools") == 0,
-        status_of(session, *pytest, "-m", f"not ({PROCESSES}) and not nightly", ADD_ON) == 0,
-    ]
-    if not all(passed):
-        session.error("Some tests failed; see above.")
+    install(session, ".[test]")
+    pass_or_stop(session, ("-m", REST), ("-m", "not nightly", "tools"))
 
 
 @nox.session
-def processes(session: nox.Session) -> None:
-    """Tests of processes and networks, also those of the add-on for ROS."""
+def ros(session: nox.Session) -> None:
+    """The tests of the add-on for ROS, also in real ROS, but those that take minutes."""
     install(session, ".[test]", f"./{ADD_ON}[test]")
-    passed = [processes_pass(session, folder) for folder in ("tests", ADD_ON)]
+    pass_or_stop(session, ("-m", "not nightly", ADD_ON))
+
+
+def pass_or_stop(session: nox.Session, *runs: tuple[str, ...]) -> None:
+    """Runs all of them. Some tests wait for other programs: those that fail beside others run once
+    more, alone, and both runs are printed.
+    """
+    passed = []
+    own = ("-o", f"cache_dir=.pytest_cache/{session.name}")  # of what failed; others run beside
+    for chosen in runs:
+        pytest = ("python", "-m", "pytest", "--durations=15", *own, *session.posargs, *chosen)
+        status = status_of(session, *pytest)
+        if status:
+            session.warn("What failed beside other tests runs again, alone.")
+            again = ("--last-failed", "--last-failed-no-failures", "none", "-n0")
+            right = (0, 5) if status == 1 else (0,)  # 5: a worker crashed, and all passed then
+            status = 0 if status_of(session, *pytest, *again) in right else status
+        passed.append(not status)
     if not all(passed):
         session.error("Some tests failed; see above.")
-
-
-def processes_pass(session: nox.Session, folder: str) -> bool:
-    """Whether the tests of processes and networks pass. They wait for other programs: those that
-    fail beside others run once more, alone, and both runs are printed.
-    """
-    own = ("-o", "cache_dir=.pytest_cache/processes")  # of what failed; other tests run beside
-    chosen = ("-m", PROCESSES, folder)
-    pytest = ("python", "-m", "pytest", "--durations=15", *own, *session.posargs, *chosen)
-    status = status_of(session, *pytest)
-    if not status:
-        return True
-    session.warn("What failed beside other tests runs again, alone.")
-    again = ("--last-failed", "--last-failed-no-failures", "none", "-n0")
-    # where tests have failed (1), none is left (5) if their worker crashed and they passed then
-    return status_of(session, *pytest, *again) in ((0, 5) if status == 1 else (0,))
 
 
 @nox.session

@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis import seed_runs
-from genie_sim.analysis.plots import Plots
+from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.seed_runs import SeedRuns, with_methods
 from genie_sim.base.errors import Suggesting, UserError
 from genie_sim.base.progress import Progress
 from genie_sim.record import provenance, results
-from genie_sim.report.result import Comparison, Result, figure_of_runs
+from genie_sim.report.result import Comparison, Result, named
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from genie_sim.scenario.scenario import Scenario
@@ -49,11 +50,6 @@ class _OfRuns(Result):
         names = [method.name for method in self._self.methods]
         return wide.reindex(index=list(places), columns=names)
 
-    @property
-    def plot(self) -> Plots:
-        """The figures, of several seeds with bands and intervals: ``run.plot.latency_cdf()``."""
-        return Plots(self._self)
-
     def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Run | Runs":
         """See ``Result``. Tables stay as they are."""
         chosen = with_methods(replace(self._self, label=label or self._self.label), methods)
@@ -68,16 +64,28 @@ class _OfRuns(Result):
 
             return of_runs.of_run(self._self, width_in) | of_paper.of_run(self._self, width_in)
 
-    def figure(self, name: str, width_in: float | None = None) -> "Figure":
-        """One figure, or the values of one metric."""
+    def figure(
+        self, name: str, width_in: float | None = None, *, ax: "Axes | None" = None
+    ) -> "Figure":
+        """One figure, or the values of one metric; with ``ax``, drawn into that panel of yours."""
         with provenance.of_this_version(self.folder):
+            from genie_sim.analysis import figures as of_runs
+            from genie_sim.analysis.points import metric_values
             from genie_sim.paper import figures as of_paper
 
+            run = self._self
+            if ax is not None and name.startswith(("differences", of_paper.PREFIX)):
+                raise UserError(f"ax: {name} has panels of its own")
+            makers = of_runs.makers(run, width_in)
             if name.startswith(of_paper.PREFIX):
-                drawn = of_paper.of_run(self._self, width_in)
+                drawn = of_paper.of_run(run, width_in)
                 if name in drawn:
                     return drawn[name]
-            return figure_of_runs(self._self, name, width_in)
+            if name not in makers and name in {*METRICS, *(row.metric for row in run.measured)}:
+                shown = run.measured, run.methods, run.footer, width_in
+                return metric_values(name, *shown, own=run.words, ax=ax)
+            draw = named(name, makers)
+            return draw() if ax is None else draw(ax=ax)
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """See ``Result``."""
@@ -117,9 +125,11 @@ class Run(results.Run, _OfRuns):
 
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""
+        from genie_sim.analysis import figures as of_runs
         from genie_sim.report import pages
 
-        return pages.of_run(self, start_ns)
+        with provenance.of_this_version(self.folder):
+            return pages.of_run(self, of_runs.makers(self), start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""
@@ -163,9 +173,11 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
 
     def page(self) -> str:
         """The text of the page about all runs."""
+        from genie_sim.analysis import figures as of_runs
         from genie_sim.report import pages
 
-        return pages.of_seeds(self)
+        with provenance.of_this_version(self.folder):
+            return pages.of_seeds(self, of_runs.makers(self))
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """Those lines of each run."""

@@ -3,8 +3,7 @@
     genie-sim sweep NAME --out results/studies
     python -m studies.keep NAME
 
-The file has the means of every point with their intervals, and below them, with ``along`` and
-``against`` filled, the differences paired by seed.
+The file has the means of every point with their intervals.
 """
 
 from __future__ import annotations
@@ -42,8 +41,7 @@ METRICS = {
 
 def keep(name: str) -> None:
     """Writes ``results/NAME/points.csv`` from the tables of the sweep ``NAME``."""
-    tables = [pd.read_csv(SWEEPS / name / f"{table}.csv") for table in ("table", "differences")]
-    points = pd.concat(tables)
+    points = pd.read_csv(SWEEPS / name / "table.csv")
     points = points[points["metric"].isin(METRICS[name])].dropna(axis="columns", how="all")
     (KEPT / name).mkdir(parents=True, exist_ok=True)
     kept = points.drop(columns="point").round(4)

@@ -45,7 +45,7 @@ class Shown(NamedTuple):
 def points_of(study: str) -> pd.DataFrame:
     """The means of a sweep's points."""
     points = pd.read_csv(RESULTS / study / "points.csv", keep_default_na=False)
-    return points[(points["along"] == "") & (points["placement"] == "all")]
+    return points[points["placement"] == "all"]
 
 
 def found(points: pd.DataFrame, **where: Any) -> list[float]:

@@ -81,8 +81,10 @@ class Browser:
         while not self._loaded:
             self._event()
         self.evaluate(
-            "Promise.resolve(typeof shown === 'undefined' ? 0 : shown).then(() => new Promise("
-            "done => requestAnimationFrame(() => requestAnimationFrame(done))))"
+            # what the scripts of a replay export is at hand by its name
+            "Promise.resolve(typeof replay === 'undefined' ? 0 : Object.assign(globalThis,"
+            " replay_elements, replay_model, replay_street, story, replay).shown).then(() =>"
+            " new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done))))"
         )
 
     def size(self, width: int, height: int, *, dark: bool = False, calm: bool = False) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,6 +35,14 @@ def sign(folder: Path) -> None:
         if "run_id" in about and "facts" in about:
             about["run_id"] = provenance.run_id(about["facts"])
         provenance.write_json(path, about, sort_keys=False)
+
+
+def forget(folder: Path) -> None:
+    """Forgets modules that were imported from a folder."""
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if file and Path(file).is_relative_to(folder):
+            del sys.modules[name]
 
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]

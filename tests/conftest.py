@@ -19,7 +19,7 @@ from hypothesis import settings
 from genie_sim.__main__ import OBJECTS_BETWEEN_COLLECTIONS
 from tests import tiers
 from tests.browser import Browser, installed
-from tests.checkout import REPOSITORY, CommandLine
+from tests.checkout import REPOSITORY, CommandLine, forget
 
 gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)  # as the program does: a tenth less CPU
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -90,10 +90,7 @@ def run_cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommandLine:
             within.syspath_prepend(tmp_path)
             with redirect_stdout(said), redirect_stderr(warned):
                 status = main(list(arguments))
-        for name, module in list(sys.modules.items()):
-            file = getattr(module, "__file__", None)
-            if file and Path(file).is_relative_to(tmp_path):
-                del sys.modules[name]
+        forget(tmp_path)
         return subprocess.CompletedProcess(arguments, status, said.getvalue(), warned.getvalue())
 
     return run

@@ -22,7 +22,7 @@ from genie_sim.record.log import Log
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES, Tables, new_tables
 from genie_sim.record.results import MethodInfo, MetricValue, Run
-from genie_sim.record.tables import Table
+from genie_sim.record.tables import Schema, Table
 from genie_sim.runs import build as construction
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.profiles import DeviceProfile
@@ -239,6 +239,24 @@ def drive(
     for method in setting.methods:
         build(setting, method.name, trace, devices, tables, sent)[0].run()
     return {name: tables[name].to_frame() for name in ("frames", "lookups", "resources")}
+
+
+def row(schema: Schema, **cells: Any) -> tuple[Any, ...]:
+    """A row of a table by its columns; the others are empty, or zero."""
+    usual = {
+        column.name: None if column.nullable else "" if column.kind == "text" else 0
+        for column in schema.columns
+    }
+    assert cells.keys() <= usual.keys(), cells
+    return tuple((usual | cells).values())
+
+
+def table(schema: Schema, *rows: tuple[Any, ...]) -> Table:
+    """A table of these rows."""
+    made = Table(schema)
+    for cells in rows:
+        made.append(cells)
+    return made
 
 
 def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) -> Table:

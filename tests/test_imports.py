@@ -218,14 +218,6 @@ def test_only_the_simulation_knows_simpy():
 
 
 @pytest.mark.process
-def test_the_command_line_starts_without_heavy_libraries():
-    """``genie-sim --help`` must not wait for pandas."""
-    loaded = _loaded_by("import genie_sim.cli.main")
-    assert "genie_sim.cli.main" in loaded
-    assert not set(LATE) & loaded
-
-
-@pytest.mark.process
 def test_a_scenario_is_read_without_heavy_libraries():
     """The real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")
@@ -261,13 +253,17 @@ def _loaded_by(statement: str) -> set[str]:
     return set(told.stdout.split())
 
 
-def test_scripts_of_pages_import_nothing():
-    """A page is one file, its scripts stand in it one after the other: none has a module to
-    import.
+def test_scripts_of_pages_import_what_they_use_from_those_beside_them():
+    """A page is one file, of which each script is an object: a browser looks for a name in it only
+    when it comes to it.
     """
     for path in PACKAGE.rglob("*.js"):
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            assert not line.startswith(("import ", "export ")), f"{path}:{number}: {line}"
+        code = path.read_text(encoding="utf-8")
+        for names, other in re.findall(r'^import \{([^}]*)\} from "\./([^"]*)";$', code, re.M):
+            exporting = (path.parent / other).read_text(encoding="utf-8")
+            exported = re.findall(r"^export (?:async )?\w+ (\w+)", exporting, re.M)
+            assert {*re.findall(r"\w+", names)} <= {*exported}, path
+        assert len(re.findall("^import ", code, re.M)) == len(re.findall(r'from "\./', code)), path
 
 
 @pytest.mark.slow

@@ -19,6 +19,14 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+AT_THE_ROOT = """
+    .ci .git-blame-ignore-revs .gitattributes .github .gitignore .pre-commit-config.yaml
+    CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE README.md SECURITY.md
+    benchmarks device_profiles docs examples genie_sim hatch_build.py mkdocs.yml notebooks
+    noxfile.py packages pyproject.toml requirements.lock results scenarios schemas studies
+    tests tools
+"""
+SHIPPED_TRACE = re.compile(r"scenarios/traces/kitti_\d{4}(\.\w+)?\.(parquet|LICENSE\.md)")
 SHIPPED_FOLDERS: dict[str, str] = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"][
     "force-include"
 ]
@@ -47,6 +55,17 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with zipfile.ZipFile(wheel) as packed:
         packed.extractall(folder)
     return folder
+
+
+def test_git_holds_no_stray_file():
+    """Commands that are tried in a checkout write where they stand."""
+    listed = subprocess.run(("git", "ls-files"), cwd=REPOSITORY, capture_output=True, text=True)
+    if listed.returncode != 0:
+        pytest.skip("this is no checkout of git")
+    names = listed.stdout.splitlines()
+    assert {name.partition("/")[0] for name in names} <= {*AT_THE_ROOT.split()}
+    traces = [name for name in names if "traces" in name.split("/")]
+    assert [name for name in traces if not SHIPPED_TRACE.fullmatch(name)] == []
 
 
 @pytest.mark.process

@@ -15,7 +15,7 @@ TASKS = (
     "types",
     "test",
     "rest",
-    "processes",
+    "ros",
     "coverage",
     "docs",
     "bench",

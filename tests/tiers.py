@@ -36,7 +36,7 @@ TIER_OF_FIXTURE = {
     "run_process": "process",
     "keys": "process",
 }
-WEIGHT = {"ros": 30, "slow": 10, "process": 3, "browser": 3}  # a test of the fast tier: 1
+WEIGHT = {"ros": 30, "slow": 10, "process": 10, "browser": 3}  # a test of the fast tier: 1
 
 MAX_CPU_S = 1.0  # of a test of the fast tier
 STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn"}  # audit events

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair, of_method
+from genie_sim.analysis.metric import HIGHER, LOWER, MAIN, Metric, Sample, half_of_pair, of_method
 from genie_sim.analysis.metrics import samples, with_formulas
 from genie_sim.analysis.registry import Words, definition, shown
 from genie_sim.analysis.seed_runs import means_of, seeds_text
@@ -338,9 +338,8 @@ def _best(
         for arm, theirs in others.items()
         if ours.keys() & theirs
     }
-    if not means or not about.better:
-        return next(iter(means or others), None)
-    return (min if about.better == LOWER else max)(means, key=means.__getitem__)
+    sign = {LOWER: 1, HIGHER: -1}.get(about.better, 0)
+    return min(means or others, key=lambda arm: sign * means.get(arm, 0), default=None)
 
 
 def _told_differently(arms: Sequence[Arm]) -> dict[str, str]:

@@ -6,10 +6,10 @@ points; by default whichever fits. With ``ax`` they draw into that panel of the 
 tables give the same bytes with the same matplotlib.
 """
 
+import functools
 import io
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,8 +76,8 @@ def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figu
 
 def makers(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Callable[..., Figure]]:
     """What draws each figure of one run, or of several seeds with their paired differences, by file
-    name; figures of what was not simulated or recorded are left out. All but ``differences`` also
-    draw into a panel, ``ax``.
+    name; figures of what was not simulated or recorded are left out. What was drawn is not drawn
+    again. All but ``differences`` also draw into a panel, ``ax``.
 
     Parameters
     ----------
@@ -92,16 +92,16 @@ def makers(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Call
     )
     drawn: dict[str, Callable[..., Figure]] = {}
     if drawable(run.measured):
-        drawn["latency_accuracy"] = partial(latency_accuracy, run.measured, *about)
-    drawn["latency_cdf"] = partial(latency_cdf, frames, *about)
+        drawn["latency_accuracy"] = functools.partial(latency_accuracy, run.measured, *about)
+    drawn["latency_cdf"] = functools.partial(latency_cdf, frames, *about)
     if busiest(run.measured):
-        drawn["resources"] = partial(resource_use, run.measured, *about)
+        drawn["resources"] = functools.partial(resource_use, run.measured, *about)
     if any(map(len, lookups)):
         for draw in (image_reuse, object_reuse, confidence_boost):
-            drawn[draw.__name__] = partial(draw, lookups, *about)
+            drawn[draw.__name__] = functools.partial(draw, lookups, *about)
     if isinstance(run, SeedRuns) and len(run.methods) > 1:
         drawn["differences"] = lambda: differences(compared([run]), run.footer, width_in)
-    return drawn
+    return {name: functools.cache(draw) for name, draw in drawn.items()}
 
 
 def save(

@@ -16,7 +16,7 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.result_table import Cell, ResultTable
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import OutputKind, atomic_write, usable
 from genie_sim.base.text import number_text, one_line, significant
@@ -143,7 +143,7 @@ def _html_cell(value: str, text: str) -> str:
 
 
 def terminal(table: ResultTable, width: int, intervals: bool = True) -> str:
-    """Lines of at most ``width`` characters, from 40 on.
+    """Lines of at most ``width`` characters, from 40 on, of a table without keys.
 
     Long titles are wrapped, columns that do not fit beside the others stand below them, and
     each block has the rows in which it has a number.
@@ -208,9 +208,9 @@ def _line(title: str, title_width: int, cells: Sequence[str], widths: Sequence[i
 
 def latex(table: ResultTable, name: str) -> str:
     """A floating table with rules of ``booktabs``, over both columns of a page if one is too
-    narrow. What fits no page is divided into several tables, with the notes
-    below the last. A value stands above its interval, so a table of three methods fits a column of
-    two.
+    narrow. What fits no page is divided into several tables, with the notes below the last. A value
+    stands above its interval, so a table of three methods fits a column of two. A key that is that
+    of the row above is not repeated.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def latex(table: ResultTable, name: str) -> str:
     parts = [
         table.cut(columns, rows)
         for rows in _blocks(len(table.rows), MAX_ROWS)
-        for columns in _blocks(len(table.columns), MAX_WIDE)
+        for columns in _blocks(len(table.columns) - table.keys, MAX_WIDE)
     ]
     texts = []
     for number, part in enumerate(parts, 1):
@@ -262,19 +262,20 @@ def _blocks(length: int, most: int) -> list[slice]:
 
 
 def _tabular(table: ResultTable, wide: bool) -> str:
-    texts = [
-        any(isinstance(row.cells[place].value, str) for row in table.rows)
-        for place in range(len(table.columns))
-    ]
-    width = 0.30 if wide else 0.34
+    width = (0.30 if wide else 0.34) / (1 + table.keys)
+    title = rf">{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}"
+    if table.keys and all(len(row.title) <= HEADING_CHARACTERS for row in table.rows):
+        title = "l"
+    sides = ["r" if is_number else "l" for is_number in _are_numbers(table)]
+    headings = [_heading(*about) for about in zip(table.columns, sides, strict=True)]
     lines = [
-        rf"\begin{{tabular}}{{@{{}}>{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}",
-        f"  {''.join('l' if is_text else 'r' for is_text in texts)}",
+        rf"\begin{{tabular}}{{@{{}}{title}",
+        f"  {''.join(sides)}",
         r"  @{}}",
         r"\toprule",
-        " & ".join([_title(table.corner), *map(_heading, table.columns)]).strip() + r" \\",
+        " & ".join([_title(table.corner), *headings]).strip() + r" \\",
         r"\midrule",
-        *(line for row in table.rows for line in _lines(row)),
+        *_body(table),
         r"\bottomrule",
         r"\end{tabular}",
     ]
@@ -316,11 +317,11 @@ def _ends(cell: Cell) -> str:
     return "" if low == high == _value(cell) else rf"{{\scriptsize [{low}, {high}]}}"
 
 
-def _heading(heading: str) -> str:
-    """Long ones in lines of their own."""
+def _heading(heading: str, side: str) -> str:
+    """Long ones in lines of their own, which stand at this side."""
     lines = textwrap.wrap(one_line(heading), HEADING_CHARACTERS) or [""]
     stacked = r"\\{}".join(map(_escaped, lines))  # braces: a line may begin with "["
-    return rf"\shortstack[r]{{{stacked}}}"
+    return rf"\shortstack[{side}]{{{stacked}}}"
 
 
 def _title(text: str) -> str:
@@ -328,12 +329,25 @@ def _title(text: str) -> str:
     return re.sub(r"^(?=[\[*])", "{}", _escaped(text))
 
 
-def _lines(row: Row) -> list[str]:
-    """The row, and below it the intervals if there are any."""
-    lines = [[_title(row.title), *map(_value, row.cells)]]
-    if any(ends := [_ends(cell) for cell in row.cells]):
-        lines.append(["", *ends])
-    return [" & ".join(line).strip() + r" \\" for line in lines]
+def _body(table: ResultTable) -> Iterator[str]:
+    """The rows, and below each its intervals if there are any; a little space where the first of
+    several keys changes.
+    """
+    above: list[str] = []
+    for row in table.rows:
+        texts = [_title(row.title), *map(_value, row.cells)]
+        keys = texts[: table.keys]
+        if above and above[0] != keys[0]:
+            yield r"\addlinespace"
+        for place in range(len(keys)):
+            if keys[: place + 1] == above[: place + 1]:
+                texts[place] = ""
+        above = keys
+        lines = [texts]
+        if any(ends := [_ends(cell) for cell in row.cells]):
+            lines.append(["", *ends])
+        for line in lines:
+            yield " & ".join(line).strip() + r" \\"
 
 
 def csv_of_rows(names: Iterable[str], rows: Iterable[Sequence[Any]]) -> str:

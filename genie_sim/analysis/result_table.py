@@ -75,6 +75,8 @@ class ResultTable:
         What stands below it.
     corner : str
         The title of the column of row titles.
+    keys : int
+        How many columns, the first ones, say with the row's title what the row is of.
     """
 
     columns: Sequence[str]
@@ -82,6 +84,7 @@ class ResultTable:
     title: str = ""
     notes: Sequence[str] = ()
     corner: str = ""
+    keys: int = 0
 
     @classmethod
     def of_texts(
@@ -104,9 +107,14 @@ class ResultTable:
         ]
 
     def cut(self, columns: slice, rows: slice = slice(None)) -> "ResultTable":
-        """The table with some of its columns and rows."""
-        chosen = [row._replace(cells=row.cells[columns]) for row in self.rows[rows]]
-        return replace(self, columns=self.columns[columns], rows=chosen)
+        """The table with its keys, some of its other columns, and some of its rows."""
+        keys = self.keys
+        chosen = [
+            row._replace(cells=[*row.cells[:keys], *row.cells[keys:][columns]])
+            for row in self.rows[rows]
+        ]
+        titles = [*self.columns[:keys], *self.columns[keys:][columns]]
+        return replace(self, columns=titles, rows=chosen)
 
     def without_empty_columns(self) -> "ResultTable":
         """The table without columns in which nothing is known."""

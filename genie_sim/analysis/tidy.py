@@ -1,16 +1,20 @@
 """Numbers of any runs as one table, a row a number and seed: their means over seeds, and the means
-of differences, with 95 % t intervals. Runs of several seeds, sweeps and comparisons use it.
+of differences, with 95 % t intervals; and such a table as runs, to compare them. Runs of several
+seeds, sweeps and comparisons use it.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.analysis.registry import NO_WORDS, Words, definition
 from genie_sim.analysis.statistics import has_interval
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.text import significant
-from genie_sim.record.results import METRIC_FIELDS
+from genie_sim.record import provenance
+from genie_sim.record.results import METRIC_FIELDS, MethodInfo, MetricValue, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,3 +76,76 @@ def is_negligible(difference: float | None, value: float | None) -> bool:
     if difference is None or value is None:
         return False
     return abs(difference) < NEGLIGIBLE * abs(value)
+
+
+def cells_of(
+    table: "pd.DataFrame",
+    by: Sequence[str],
+    methods: Sequence[MethodInfo],
+    *,
+    name: str,
+    genie_sim: str,
+    origin: object,
+    label: str = "",
+    words: Words = NO_WORDS,
+) -> dict[str, dict[int, Run]]:
+    """The cells of a table of numbers: runs that have these, and no tables.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each seed and number: its columns are ``seed`` and fields of ``MetricValue``. Only
+        numbers of methods as a whole are taken.
+    by : sequence of str
+        The columns that say which cell it is; their names and values name it.
+    methods : sequence of MethodInfo
+        Those that ran.
+    name : str
+        Of what these are the cells, in the place of a scenario's name.
+    genie_sim : str
+        The version that made them.
+    origin : object
+        What the numbers were made from, as plain JSON values; it gives the runs their id.
+    label : str
+        What the user calls them; empty: by their name.
+    words : mapping
+        What is said of metrics of the user's own.
+
+    Raises
+    ------
+    UserError
+        Where two cells have one name.
+    """
+    facts = {
+        "scenario": {"name": name},
+        "devices": {},
+        "genie_sim": genie_sim,
+        "methods": [asdict(method) for method in methods],
+    }
+    run_id = provenance.run_id({"origin": origin})
+    like = Run(run_id, facts, "", tables={}, measured=(), label=label, words=words)
+    whole = table[(table["placement"] == "all") & (table["component"] == "")]
+    fields = [field for field in METRIC_FIELDS if field in whole]
+    rows = whole[[*by, "seed", *fields]].astype(object)
+    numbers: dict[tuple[Any, ...], list[MetricValue]] = {}
+    for row in rows.where(rows.notna(), None).itertuples(index=False, name=None):
+        place, number = row[: len(by) + 1], row[len(by) + 1 :]
+        numbers.setdefault(place, []).append(
+            MetricValue(**{"unit": "", **dict(zip(fields, number, strict=True))})
+        )
+    cells: dict[str, dict[int, Run]] = {}
+    for (*levels, seed), measured in numbers.items():
+        cell = ", ".join(
+            f"{axis} {level_text(level)}" for axis, level in zip(by, levels, strict=True)
+        )
+        if seed in cells.setdefault(cell, {}):
+            raise UserError(f"{name}: two settings are called {short_repr(cell)}")
+        of_seed = {**facts, "scenario": {"name": name, "seed": seed}}
+        cells[cell][seed] = replace(like, facts=of_seed, measured=measured)
+    return cells
+
+
+def level_text(level: object) -> str:
+    """A value of an axis, in so many digits that no other value has its text."""
+    text = f"{level:g}" if isinstance(level, float) else str(level)
+    return text if not isinstance(level, float) or float(text) == level else str(level)

@@ -43,9 +43,7 @@ def _sentence(arm: Arm, rows: Sequence[Difference]) -> str:
         for reference in dict.fromkeys(row.against for row in of_kind if row.against is not None):
             alike = [row for row in of_kind if row.against is reference]
             to = "" if reference is named else f" {before} {reference.title}"
-            titles = [row.about.title for row in alike]
-            listed = _joined(titles) if verdict == "equal" else _listed(alike)
-            parts.append(f"{begin}{to} in {listed}")
+            parts.append(f"{begin}{to} in {_joined([_difference(row) for row in alike])}")
             named = reference
     if len(arm.against) > 1:
         parts.append("each against the best baseline")
@@ -55,18 +53,15 @@ def _sentence(arm: Arm, rows: Sequence[Difference]) -> str:
     return f"{arm.title} is {'; '.join(parts)}."
 
 
-def _listed(rows: Sequence[Difference]) -> str:
-    return _joined([_difference(row) for row in rows])
-
-
 def _joined(texts: Sequence[str]) -> str:
     return ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]
 
 
 def _difference(row: Difference) -> str:
-    """``first answer, mean (-340 ms, -342 to -338)``."""
+    """``first answer, mean (-340 ms, -342 to -338)``; the title alone of what is the same."""
     info = row.about
-    assert row.difference is not None
+    if row.difference is None or row.verdict == "equal":
+        return info.title
     unit = "percentage points" if info.unit == "%" else info.unit
     text = f"{number_text(info.factor * row.difference, sign='+')} {unit}".rstrip()
     if row.low is not None and row.high is not None:

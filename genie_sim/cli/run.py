@@ -134,17 +134,15 @@ def print_results(
         The metrics that are printed, none for all; by default ``screen.text`` chooses.
     """
     from genie_sim.analysis import screen
+    from genie_sim.analysis.compare import compared
+    from genie_sim.analysis.verdict import verdicts
     from genie_sim.report import template
 
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
     click.echo(screen.text(result, columns, rows), nl=False)
-    if len(result.methods) > 1:
-        from genie_sim.analysis.compare import compared
-        from genie_sim.analysis.verdict import verdicts
-
-        for sentence in verdicts(compared([result], metrics=rows or ())):
-            click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
+    for sentence in verdicts(compared([result], metrics=rows or ())):
+        click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
     click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
     if page:

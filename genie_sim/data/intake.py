@@ -321,19 +321,9 @@ def _check_detections(
 
 def truth_row(frame: TraceFrame, there: TruthObject) -> TruthRow:
     """An object in view of a frame, with the class and the decimals that a truth table keeps."""
-    east_m, north_m, up_m = rounded(there[-3:], POSITION_DECIMALS)
-    return TruthRow(
-        camera=frame.camera,
-        frame=frame.index,
-        stamp_ns=frame.stamp_ns,
-        object=there.object,
-        label=class_of(there.label),
-        moving=there.moving,
-        visible=there.visible,
-        east_m=east_m,
-        north_m=north_m,
-        up_m=up_m,
-    )
+    known = there._replace(label=class_of(there.label))[:-3]
+    place = rounded(there[-3:], POSITION_DECIMALS)
+    return TruthRow(frame.camera, frame.index, frame.stamp_ns, *known, *place)
 
 
 def _check_truth(

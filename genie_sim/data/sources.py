@@ -85,8 +85,11 @@ class RecordedDrives(Drives):
         from genie_sim.data.trace import read_trace
 
         if trace not in self._recordings:
-            path = self.path if trace is None else files.find(files.TRACE, trace)
-            recorded = self.main if trace is None or path is None else read_trace(path)
+            if trace is None:
+                recorded, path = self.main, self.path
+            else:
+                path = files.find(files.TRACE, trace)
+                recorded = read_trace(path)
             self._recordings[trace] = self._placed(recorded, path)
         self._of_cars[car] = self._recordings[trace]
         return self._of_cars[car].trace

@@ -36,7 +36,13 @@ from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.data.intake import CLOSEST_NS, SAME_TIME_S, ImportedCar, traces
 from genie_sim.data.reader_frames import new_detection, scan_frame
 from genie_sim.data.trace import RANGE_M
-from genie_sim.data.truth_tracks import ObjectRow, TruthTrack, check_covered, in_view
+from genie_sim.data.truth_tracks import (
+    ObjectRow,
+    TruthTrack,
+    check_covered,
+    in_view,
+    without_gaps,
+)
 from genie_sim.data.world_table import SOMEWHERE
 
 if TYPE_CHECKING:
@@ -337,6 +343,7 @@ def _read_truth(
     for (car, name), rows in rows_of.items():
         number = numbers.setdefault(name, len(numbers) + 1)
         ordered = _apart(f"object {short_repr(name)}", sorted(rows, key=_time_s))
-        objects.setdefault(car, []).append(TruthTrack(number, ordered))
+        tracks = (TruthTrack(number, stretch) for stretch in without_gaps(ordered))
+        objects.setdefault(car, []).extend(tracks)
     report.read("objects of the truth", len(numbers))
     return objects

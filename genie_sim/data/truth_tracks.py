@@ -3,6 +3,7 @@ them, whether it moved, and what of that a car's frames could see.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,8 +49,8 @@ class Sightings(NamedTuple):
 
 
 class TruthTrack:
-    """One object of the truth, by its number: its rows in order of time, and where it is between
-    them.
+    """One object of the truth, by its number: its rows in order of time without a gap, and where it
+    is between them.
     """
 
     def __init__(self, number: int, rows: Sequence[ObjectRow]) -> None:
@@ -69,27 +70,27 @@ class TruthTrack:
         share = np.where(exact, 1.0, (times_s - own_s[earlier]) / np.where(gap_s > 0, gap_s, 1.0))
         place = places[earlier] + share[:, None] * (places[later] - places[earlier])
         return Sightings(
-            there=exact | (between & (gap_s <= GAP_S)),
+            there=exact | between,
             place=np.where(exact[:, None], places[later], place),
             row=np.where(share < 0.5, earlier, later),
         )
 
     def is_moving(self, times_s: Array) -> Flags:
-        """Whether it moves at some times (n,), by its places over the second around each, as far as
-        it is there without a gap.
+        """Whether it moves at some times (n,) at which it is there, by its places over the second
+        around each, as far as they are known.
         """
-        own_s, row = self.times_s, self.at(times_s).row
-        stretch = np.append(0, np.cumsum(np.diff(own_s) > GAP_S))  # without a gap, of a row
-        began_s = own_s[np.searchsorted(stretch, stretch)][row]
-        ended_s = own_s[np.searchsorted(stretch, stretch, side="right") - 1][row]
-        first_s = np.maximum(times_s - MOVING_OVER_S / 2, began_s)
-        last_s = np.minimum(times_s + MOVING_OVER_S / 2, ended_s)
-        begin, end = self.at(first_s), self.at(last_s)
-        way_m = np.hypot(*(end.place - begin.place)[:, :2].T)
+        first_s = np.maximum(times_s - MOVING_OVER_S / 2, self.times_s[0])
+        last_s = np.minimum(times_s + MOVING_OVER_S / 2, self.times_s[-1])
+        way_m = np.hypot(*(self.at(last_s).place - self.at(first_s).place)[:, :2].T)
         duration_s = last_s - first_s
-        is_known = begin.there & end.there & (duration_s > SAME_TIME_S)
-        is_moving: Flags = is_known & (way_m > MOVING_MPS * duration_s)
+        is_moving: Flags = (duration_s > SAME_TIME_S) & (way_m > MOVING_MPS * duration_s)
         return is_moving
+
+
+def without_gaps(rows: Sequence[ObjectRow]) -> list[Sequence[ObjectRow]]:
+    """The rows of an object in order of time, cut where none comes for longer than ``GAP_S``."""
+    gaps = np.flatnonzero(np.diff([row.time_s for row in rows]) > GAP_S) + 1
+    return [rows[begin:end] for begin, end in pairwise([0, *gaps.tolist(), len(rows)])]
 
 
 def in_view(

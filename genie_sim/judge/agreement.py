@@ -49,8 +49,7 @@ class Agreement:
             self._places(detected, np.repeat(np.arange(len(answers)), of_detected)),
             SAME_M,
         )
-        pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2)))
-        matched = np.bincount(answer_of[pairs.ours[matches(pairs)]], minlength=len(answers))
+        matched = np.bincount(answer_of[matches(pairs).ours], minlength=len(answers))
         rows = np.repeat(np.arange(len(answers)), [len(answer.which) for answer in answers])
         headers = [answer.header for answer in answers]
         columns = {

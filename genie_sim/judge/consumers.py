@@ -11,22 +11,19 @@ hold indices and codes:
 - a *scene* is a row of ``SceneViews``: one car, one frame, one list of objects, those of the
   consumer or those of the zero-delay detector. An *instant* has one scene of a consumer, and one of
   the detector unless an earlier method had it;
-- a *camera* is a code of a car and a stream, a *turn* the number of an instant among its camera's;
-- *label* and *class_* are codes of names, which share one numbering (``LabelCodes``); *car* is the
-  number of a car, *place* a code of a class and a place (``RecentPlaces``).
+- *camera* is a code of a car and a stream, *truth* the number of a truth, which cars on one drive
+  share; *label* and *class_* are codes of names, which share one numbering (``LabelCodes``);
+  *place_code* is one of a class and a place (``RecentPlaces``).
 
 What an array has a value for says its type, ``PerScene`` and so on; an array of indices is named
-after both, as ``scene_of_instant``. A window in which the detector is judged for car1 alone, since
+after both, as ``scene_of_pair``. A window in which the detector is judged for car1 alone, since
 car2 drove under an earlier method::
 
     scene               0           1           2           3           4
     car                 car1        car1        car2        car1        car1
     objects             consumer's  detector's  consumer's  consumer's  detector's
-    instant_of_scene    0           0           1           2           2
-    camera_of_scene     0           0           1           0           0
-    turn_of_scene       0           unused      0           1           unused
-
-    scene_of_instant    0, 2, 3
+    instant             0           0           1           2           2
+    camera              0           0           1           0           0
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -37,15 +34,7 @@ import numpy as np
 from genie_sim.core.messages import Detections, Image
 from genie_sim.judge.held import Held, shown_objects
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
-from genie_sim.judge.joins import (
-    Array,
-    GroupedPlaces,
-    Pairs,
-    matches,
-    near,
-    pair_codes,
-    turns,
-)
+from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, pair_codes
 from genie_sim.judge.objects import LabelCodes
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
@@ -66,14 +55,13 @@ RIGHT, MISSED, MOVED_AWAY, NEVER_THERE, DUPLICATE, HIDDEN = range(len(JUDGEMENTS
 
 
 class _Judged(NamedTuple):
-    """The objects that are held in view, and how each is judged, an index of ``JUDGEMENTS``; then
-    the pairs with visible objects, scene by scene and nearest first, and which of these match.
+    """The objects that are held in view, how each is judged, an index of ``JUDGEMENTS``, and the
+    pairs of those held right and what is visible there, nearest first.
     """
 
     items: Held
     judgement: PerItem
-    pairs: Pairs
-    is_match: PerPair
+    matches: Pairs
 
 
 class ConsumerJudge:
@@ -122,21 +110,20 @@ class ConsumerJudge:
         self._window = window or max(WINDOW, WINDOW_OF_CAR * len(truths))
         self._consumers = {car: make_consumer() for car in truths}
         self._first_streams: dict[str, str] = {}  # of each car, the one whose frames are instants
-        # of each car the number of its truth; cars on one drive have one
-        self._truth_of = {
-            car: next(place for place, other in enumerate(truths.values()) if other is truth)
+        # of each car the number of its truth: that of the first car that has the same
+        self._truth_numbers = {
+            car: next(number for number, other in enumerate(truths.values()) if other is truth)
             for car, truth in truths.items()
         }
         self._labels = LabelCodes()
-        self._cars: Codes = Codes()
-        self._cars.update((car, number) for number, car in enumerate(truths))
+        self._cameras: Codes = Codes()  # of a car and a stream
         self._recent_places = RecentPlaces()
         self._spans: HeldSpans | None = None
         if held_objects is not None:
             self._spans = HeldSpans(
                 method,
                 held_objects,
-                cars=self._cars,
+                cameras=self._cameras,
                 labels=self._labels.codes,
                 judgements=JUDGEMENTS,
             )
@@ -150,19 +137,14 @@ class ConsumerJudge:
             consumer.on_answer(answer, now_ns)
 
     def published(self, image: Image) -> None:
-        """A camera took a frame. It is an instant at which its car is judged if the truth has
-        labels of this camera, and if the camera is the car's first, or all count.
-        """
-        now_ns, stream, car = image.header
+        """A camera took a frame: the consumer knows, and its car is judged if the frame counts."""
+        now_ns, _, car = image.header
         truth = self._truths.get(car)
         if truth is None:
             return
         consumer = self._consumers[car]
         consumer.on_frame(image)
-        labelled = getattr(truth, "cameras", None)
-        if labelled is not None and getattr(image.content, "camera", None) not in labelled:
-            return
-        if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
+        if not self._is_judged(image, truth):
             return
         self._scenes.append(JudgedScene(image, truth, consumer.shown(now_ns), is_consumer=True))
         if car not in self._earlier_cars:
@@ -170,6 +152,14 @@ class ConsumerJudge:
             self._scenes.append(JudgedScene(image, truth, detections, is_consumer=False))
         if len(self._scenes) >= self._window:
             self._judge()
+
+    def _is_judged(self, image: Image, truth: DriveTruth) -> bool:
+        """Whether its car is judged when this frame is taken."""
+        if truth.cameras is not None and image.content.camera not in truth.cameras:
+            return False  # nobody knows what is in view
+        _, stream, car = image.header
+        is_first = self._first_streams.setdefault(car, stream) == stream
+        return is_first or self._all_streams
 
     def close(self) -> None:
         """Nothing more happens: what is held now is held until the end."""
@@ -180,7 +170,7 @@ class ConsumerJudge:
 
     def _judge(self) -> None:
         """Writes the rows of the window."""
-        views = SceneViews.of(self._scenes, self._cars)
+        views = SceneViews.of(self._scenes, self._cameras, self._truth_numbers)
         visible = Visible.of(self._scenes, self._labels, self._recent_places.codes)
         visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
         judged = self._compare(views, visible)
@@ -198,24 +188,23 @@ class ConsumerJudge:
         shown = (scene.shown for scene in self._scenes)
         items = shown_objects(zip(views.now_ns.tolist(), shown, strict=True), self._labels)
         is_judged: PerItem = views.see(items.scene, items.east_m, items.north_m)
-        is_judged &= self._knows(views.car[items.scene], items.label)
+        is_judged &= self._knows(views.truth[items.scene], items.label)
         items = items.rows(is_judged)
         pairs = self._pairs(items, visible, views.tolerance_m)
-        is_match: PerPair = np.zeros(len(pairs.ours), dtype=bool)
-        is_match[matches(pairs)] = True
+        right = matches(pairs)
 
         judgement: PerItem = np.full(len(items.scene), NEVER_THERE)
         judgement[pairs.ours] = DUPLICATE
-        judgement[pairs.ours[is_match]] = RIGHT
+        judgement[right.ours] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
-        judgement[others[self._are_there(items.rows(others))]] = HIDDEN
+        judgement[others[self._are_there(views, items.rows(others))]] = HIDDEN
         others = np.flatnonzero(judgement == NEVER_THERE)
         judgement[others[self._were_there(views, visible, items.rows(others))]] = MOVED_AWAY
-        return _Judged(items=items, judgement=judgement, pairs=pairs, is_match=is_match)
+        return _Judged(items, judgement, right)
 
     def _pairs(self, items: Held, visible: Visible, tolerance_m: PerScene) -> Pairs:
         """The pairs of a held and a visible object of one scene and class, within the tolerance of
-        the scene, scene by scene, nearest first.
+        the scene.
         """
         classes = len(self._labels.codes)
         held_group = pair_codes(items.scene, items.class_, classes)
@@ -226,26 +215,23 @@ class ConsumerJudge:
             float(tolerance_m.max()),
         )
         scene_of_pair: PerPair = items.scene[pairs.ours]
-        order = np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene_of_pair))
-        is_within = pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair]
-        return pairs.rows(order[is_within[order]])
+        return pairs.rows(pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair])
 
-    def _knows(self, car: PerItem, label: PerItem) -> PerItem:
-        """Which labels the truth of the car knows, given their codes and the cars'."""
+    def _knows(self, truth: PerItem, label: PerItem) -> PerItem:
+        """Whether the truth of each, by its number, knows the label, given its code."""
         truths, labels = list(self._truths.values()), list(self._labels.codes)
         is_known = np.zeros((len(truths), len(labels)), dtype=bool)
-        is_known[car, label] = True  # asked about
-        for of_car, of_label in np.argwhere(is_known).tolist():
-            is_known[of_car, of_label] = truths[of_car].knows(labels[of_label])
-        result: PerItem = is_known[car, label]
+        is_known[truth, label] = True  # asked about
+        for of_truth, of_label in np.argwhere(is_known).tolist():
+            is_known[of_truth, of_label] = truths[of_truth].knows(labels[of_label])
+        result: PerItem = is_known[truth, label]
         return result
 
-    def _are_there(self, items: Held) -> PerItem:
+    def _are_there(self, views: SceneViews, items: Held) -> PerItem:
         """Whether anything of its class, visible or not, is where each is held."""
         result = np.zeros(len(items.scene), dtype=bool)
         labels = list(self._labels.codes)
-        truth_of_scene = [self._truth_of[scene.image.header.origin] for scene in self._scenes]
-        truth_of_item: PerItem = np.array(truth_of_scene)[items.scene]
+        truth_of_item: PerItem = views.truth[items.scene]
         for number in np.unique(truth_of_item).tolist():
             rows = np.flatnonzero(truth_of_item == number)
             scenes = [self._scenes[scene] for scene in items.scene[rows].tolist()]
@@ -259,44 +245,40 @@ class ConsumerJudge:
 
     def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> PerItem:
         """Whether anything of its class was visible lately, before the scene, where each is."""
-        # What the consumer holds and what is found without delay are judged at one instant.
-        instant_of_scene: PerScene = np.cumsum(views.is_consumer) - 1
+        instant: PerScene = views.instant
         seen = visible.rows(views.is_consumer[visible.scene])
         return self._recent_places.were_there(
             GroupedPlaces(items.class_, items.east_m, items.north_m),
             tolerance_m=views.tolerance_m[items.scene],
-            instant=instant_of_scene[items.scene],
-            visible=np.stack([seen.place, instant_of_scene[seen.scene]]),
+            instant=instant[items.scene],
+            visible=np.stack([seen.place_code, instant[seen.scene]]),
             now_ns=views.now_ns[views.is_consumer],
         )
 
     def _count(self, views: SceneViews, visible: Visible, judged: _Judged) -> None:
         """Writes the rows of ``held``."""
-        items, judgement, pairs = judged.items, judged.judgement, judged.pairs
+        items, judgement, right = judged
         scenes = len(views.now_ns)
 
         by_judgement = [
             _per_scene(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
-        scene_of_pair: PerPair = items.scene[pairs.ours]
         moving: PerVisible = visible.moving == 1
         found: PerVisible = np.zeros(len(moving), dtype=bool)
-        found[pairs.theirs[judged.is_match]] = True
-        errors_m = np.sqrt(pairs.distance_m2[judged.is_match])
-        right = by_judgement[RIGHT]
+        found[right.theirs] = True
+        scene_of_pair: PerPair = items.scene[right.ours]
+        errors_m = np.bincount(scene_of_pair, np.sqrt(right.distance_m2), minlength=scenes)
         with np.errstate(invalid="ignore"):
-            error_m = (
-                np.bincount(scene_of_pair[judged.is_match], weights=errors_m, minlength=scenes)
-                / right
-            )
+            error_m: PerScene = errors_m / by_judgement[RIGHT]
         columns = {
             "method": Text.of(np.zeros(scenes, dtype=np.int64), [self._method]),
             "what": Text.of(np.where(views.is_consumer, 0, 1), [CONSUMER, ZERO_DELAY]),
-            "car": Text.of(views.car, list(self._cars)),
+            "car": Text.of(views.camera, [car for car, _ in self._cameras]),
+            "stream": Text.of(views.camera, [stream for _, stream in self._cameras]),
             "stamp_ns": views.now_ns,
             # what is there and cannot be seen is neither right nor wrong
             "held": _per_scene(items.scene, judgement != HIDDEN, scenes),
-            "right": right,
+            "right": by_judgement[RIGHT],
             "moved_away": by_judgement[MOVED_AWAY],
             "never_there": by_judgement[NEVER_THERE],
             "duplicate": by_judgement[DUPLICATE],
@@ -313,36 +295,23 @@ class ConsumerJudge:
         self, spans: HeldSpans, views: SceneViews, visible: Visible, judged: _Judged
     ) -> None:
         """Notes since when each object is judged as it is."""
-        items, codes = judged.items, spans.cameras
+        items = judged.items
         is_held: PerItem = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
         is_missed: PerVisible = views.is_consumer[visible.scene]
-        is_missed[judged.pairs.theirs[judged.is_match]] = False
-        missed = visible.rows(is_missed)
-        scene_of_object = np.concatenate([items.scene[is_held], missed.scene])
-        camera_of_scene: PerScene = np.array(
-            [
-                codes[self._cars[scene.image.header.origin], scene.image.header.frame_id]
-                for scene in self._scenes
-            ]
-        )
-        scene_of_instant = np.flatnonzero(views.is_consumer)
-        turn_of_scene: PerScene = np.zeros(len(camera_of_scene), dtype=np.int64)
-        turn_of_scene[scene_of_instant] = turns(camera_of_scene[scene_of_instant])
+        is_missed[judged.matches.theirs] = False
+        held, missed = items.rows(is_held), visible.rows(is_missed)
+        scene = np.append(held.scene, missed.scene)
         objects = JudgedObjects(
-            camera=camera_of_scene[scene_of_object],
-            turn=turn_of_scene[scene_of_object],
-            order=np.arange(len(scene_of_object)),
-            label=np.concatenate([items.label[is_held], missed.label]),
-            east_m=np.concatenate([items.east_m[is_held], missed.east_m]),
-            north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
+            instant=views.instant[scene],
+            camera=views.camera[scene],
+            begin_ns=views.now_ns[scene],
+            label=np.append(held.label, missed.label),
             judgement=np.append(judged.judgement[is_held], np.full(len(missed.scene), MISSED)),
+            east_m=np.append(held.east_m, missed.east_m),
+            north_m=np.append(held.north_m, missed.north_m),
         )
-        spans.add(
-            objects,
-            camera_of=camera_of_scene[scene_of_instant],
-            turn_of=turn_of_scene[scene_of_instant],
-            now_ns=views.now_ns[scene_of_instant],
-        )
+        is_instant = views.is_consumer
+        spans.add(objects, camera=views.camera[is_instant], now_ns=views.now_ns[is_instant])
 
 
 def _per_scene(scene: Array, selection: Array, scenes: int) -> PerScene:

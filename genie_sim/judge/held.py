@@ -39,45 +39,50 @@ class Held(NamedTuple):
 def shown_objects(scenes: Iterable[tuple[int, Sequence[Shown]]], labels: LabelCodes) -> Held:
     """Returns what is held in each scene: its time [ns], and what answers show then."""
     lists: list[Sequence[Detection]] = []
-    shown: list[tuple[int, int, int]] = []  # scene and rank of each list, for how long it holds
+    about: list[tuple[int, int, int]] = []  # of each list scene, rank of its answer, how old [ns]
     views: list[tuple[int, int, Viewer]] = []  # scene and rank of answers that show all in view
-    for scene, (now_ns, parts) in enumerate(scenes):
-        for rank, part in enumerate(parts):
-            lists.append(part.objects)
-            for_ns = 0 if part.valid_ns is None else max(now_ns - part.valid_ns, 0)
-            shown.append((scene, rank, for_ns))
-            if part.valid_ns is not None and part.viewer is not None:
-                views.append((scene, rank, part.viewer))
-    scene_of, rank_of, age_ns = np.array(shown, dtype=np.int64).reshape(-1, 3).T
-    objects, counts = ShownObjects.of(lists, labels)
-    at, ranks = np.repeat(scene_of, counts), np.repeat(rank_of, counts)
-    east_m, north_m = objects.east_m, objects.north_m
-    is_held = ~_decided(at, ranks, np.stack([east_m, north_m]), views)
-    if age_ns.any():
-        dt_s = np.minimum(np.repeat(age_ns, counts), COAST_NS) * 1e-9
-        east_m = east_m + objects.velocity_east_mps * dt_s
-        north_m = north_m + objects.velocity_north_mps * dt_s
-    if ranks.any():
-        group = pair_codes(at, objects.label, len(labels.codes))
-        _drop_repeated(is_held, ranks, GroupedPlaces(group, east_m, north_m))
-    return Held(at, objects.label, objects.class_, east_m, north_m).rows(is_held)
+    for scene, (now_ns, answers) in enumerate(scenes):
+        for rank, answer in enumerate(answers):
+            lists.append(answer.objects)
+            age_ns = 0 if answer.valid_ns is None else max(now_ns - answer.valid_ns, 0)
+            about.append((scene, rank, age_ns))
+            if answer.valid_ns is not None and answer.viewer is not None:
+                views.append((scene, rank, answer.viewer))
+    shown, counts = ShownObjects.of(lists, labels)
+    of_lists = np.array(about, dtype=np.int64).reshape(-1, 3)
+    scene_of, rank, age_ns_of = np.repeat(of_lists, counts, axis=0).T
+    dt_s = np.minimum(age_ns_of, COAST_NS) * 1e-9
+    is_covered = _covered(scene_of, rank, np.stack([shown.east_m, shown.north_m]), views)
+    held = Held(
+        scene_of,
+        shown.label,
+        shown.class_,
+        east_m=shown.east_m + shown.velocity_east_mps * dt_s,
+        north_m=shown.north_m + shown.velocity_north_mps * dt_s,
+    ).rows(~is_covered)
+    rank = rank[~is_covered]
+    if rank.any():
+        group = pair_codes(held.scene, held.label, len(labels.codes))
+        held = held.rows(~_repeated(rank, GroupedPlaces(group, held.east_m, held.north_m)))
+    return held
 
 
-def _decided(
+def _covered(
     scene: Array, rank: Array, places_m: Array, views: Sequence[tuple[int, int, Viewer]]
 ) -> Array:
-    """Which objects stand in the field of view of an earlier answer that shows all in view.
+    """Which objects stand in the field of view of an earlier answer that shows all in view: they
+    count no more.
 
     Parameters
     ----------
     scene, rank : array
-        Of each of (n,) objects its scene, and the rank of the answer that shows it.
+        Of each of (n,) objects its scene, and the rank among its answers of the one that shows it.
     places_m : array
         East and north [m], (2, n).
     views : sequence of tuple
         Scene, rank and viewer of the answers that show all in view.
     """
-    decided = np.zeros(len(scene), dtype=bool)
+    covered = np.zeros(len(scene), dtype=bool)
     for of_rank in sorted({rank for _, rank, _ in views}):
         # of each scene the camera's place, heading and half of its field of view; NaN sees nothing
         cameras = np.full((int(scene.max(initial=0)) + 1, 4), np.nan)
@@ -88,20 +93,25 @@ def _decided(
         later = np.flatnonzero(rank > of_rank)
         camera = cameras[scene[later]].T
         away_east_m, away_north_m = places_m[:, later] - camera[:2]
-        decided[later] |= in_field_of_view(away_east_m, away_north_m, camera[2], camera[3])
-    return decided
+        covered[later] |= in_field_of_view(away_east_m, away_north_m, camera[2], camera[3])
+    return covered
 
 
-def _drop_repeated(is_held: Array, rank: Array, places: GroupedPlaces) -> None:
-    """Takes out of ``is_held`` what an earlier answer shows already."""
-    first, later = (
-        np.flatnonzero(is_held & (rank < rank.max())),
-        np.flatnonzero(is_held & (rank > 0)),
-    )
-    pairs = near(places.rows(later), places.rows(first), NEAR_M)
-    later, first = later[pairs.ours], first[pairs.theirs]
-    repeats = (rank[first] < rank[later]) & (pairs.distance_m2 < NEAR_M * NEAR_M)
-    later, first = later[repeats], first[repeats]
-    for of_rank in range(1, rank.max() + 1):
-        rows = rank[later] == of_rank
-        is_held[later[rows & is_held[first]]] = False
+def _repeated(rank: Array, places: GroupedPlaces) -> Array:
+    """Which objects repeat what an earlier answer, one of a lower rank, shows within a metre. What
+    repeats an object itself is repeated by none.
+
+    Three answers show a car at 0, 0.8 and 1.6 m: the second repeats the first, and the third none.
+
+    >>> east_m, scene = np.array([0.0, 0.8, 1.6]), np.zeros(3, dtype=int)
+    >>> _repeated(np.arange(3), GroupedPlaces(scene, east_m, np.zeros(3)))
+    array([False,  True, False])
+    """
+    pairs = near(places, places, NEAR_M)
+    is_later = rank[pairs.ours] < rank[pairs.theirs]
+    earlier, later, _ = pairs.rows(is_later & (pairs.distance_m2 < NEAR_M * NEAR_M))
+    repeated = np.zeros(len(rank), dtype=bool)
+    for of_rank in range(1, int(rank.max()) + 1):
+        is_shown = (rank[later] == of_rank) & ~repeated[earlier]
+        repeated[later[is_shown]] = True
+    return repeated

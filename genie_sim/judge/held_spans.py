@@ -11,31 +11,22 @@ from genie_sim.record.tables import Table
 
 
 class JudgedObjects(NamedTuple):
-    """Columns (n,), a row per object that is held or missed: which camera looks
-    (``HeldSpans.cameras``), at which of its instants in the window, its first being turn 0, the
-    order among the objects of the instant, a code of the label, where it is [m], and the index of
-    the judgement.
+    """Columns (n,), a row per object that is held or missed at an instant: the index of the
+    instant, the code of its camera, since when it is so [ns], a code of the label, the index of the
+    judgement, and where it is [m].
     """
 
+    instant: Array
     camera: Array
-    turn: Array
-    order: Array
+    begin_ns: Array
     label: Array
+    judgement: Array
     east_m: Array
     north_m: Array
-    judgement: Array
 
     def rows(self, selection: Array) -> "JudgedObjects":
         """Those of a mask or of indices."""
         return JudgedObjects(*(column[selection] for column in self))
-
-    @property
-    def keys(self) -> tuple[Array, ...]:
-        """What tells the rows of ``held_objects`` apart."""
-        return self.camera, self.label, self.east_m, self.north_m, self.judgement
-
-
-NONE = -1  # the index of an instant that is not in the window
 
 
 class HeldSpans:
@@ -47,8 +38,8 @@ class HeldSpans:
         The name under which rows are written.
     table : Table
         Gets the rows (``records.HELD_OBJECTS``).
-    cars, labels : Codes
-        The numbers of cars and the codes of labels.
+    cameras, labels : Codes
+        The codes of cameras, each a car and a stream, and of labels.
     judgements : sequence of str
         The names of the judgements.
     """
@@ -57,126 +48,99 @@ class HeldSpans:
         self,
         method: str,
         table: Table,
-        cars: Codes,
+        cameras: Codes,
         labels: Codes,
         judgements: Sequence[str],
     ) -> None:
         self._method = method
         self._table = table
-        self._cars = cars
+        self._cameras = cameras
         self._labels = labels
         self._judgements = judgements
-        self.cameras: Codes = Codes()  # of a car's number and a stream
-        # by camera: what was held or missed at its last instant, and since when [ns]
-        self._open: dict[int, tuple[JudgedObjects, Array]] = {}
+        # what was held or missed at the last instant of each camera
+        self._open = JudgedObjects(*np.zeros((5, 0), dtype=np.int64), *np.zeros((2, 0)))
 
-    def add(
-        self, judged: JudgedObjects, *, camera_of: Array, turn_of: Array, now_ns: Array
-    ) -> None:
-        """Adds the objects of a window, and of each instant (instants,) its camera, its turn, which
-        is its number among those of the camera, and its time [ns].
+    def add(self, objects: JudgedObjects, *, camera: Array, now_ns: Array) -> None:
+        """Adds the objects of a window, and of each of its instants (instants,) the code of the
+        camera and the time [ns].
 
-        A span ends at the turn after its last one, or stays open where the window has none. Four
-        rows of one object and one camera, whose turns 0 to 4 are at 100 to 500 ms; turn -1 is the
-        last one before the window, in which it has been open since 70 ms::
+        A span ends at the instant of its camera that follows its last one, or stays open where the
+        window has none. Before the window's instants come the last ones of all cameras, at which
+        earlier spans are open. A window with two instants of the first of two cameras::
 
-            turn            -1     0     2     4
-            begin [ms]      70   100   300   500
-            last turn              0     2     4
-            span is since         70   300   500
-            next turn              1     3     5
-            span ends            200   400  open
+            instant      0    1    2    3
+            camera       0    1    0    0
+            following    2    4    3    4
+
+        A span that has its last row at instant 0 ends at 2, at 2 it ends at 3; at 1 or at 3 it
+        stays open: there is no instant 4.
         """
-        instants = _by_turn(camera_of, turn_of)
-        begin_ns = now_ns[instants[judged.camera, judged.turn]]
-        spans, begin_ns = _spans(*self._with_open(judged, begin_ns, camera_of))
+        before = len(self._cameras)
+        following = _following(np.append(np.arange(before), camera))
+        objects = objects._replace(instant=before + objects.instant)
+        objects = JudgedObjects(*map(np.append, self._open, objects))
 
-        end = instants[spans.camera, spans.turn + 1]
-        over = np.flatnonzero(end != NONE)
-        over = over[np.lexsort((spans.order[over], end[over]))]
-        self._write(spans.rows(over), begin_ns[over], now_ns[end[over]])
-        self._keep_open(spans.rows(end == NONE), begin_ns[end == NONE])
-
-    def _with_open(
-        self, judged: JudgedObjects, begin_ns: Array, camera: Array
-    ) -> tuple[JudgedObjects, Array]:
-        """These objects, and since when each is so [ns], with those that are open of the cameras,
-        which are open no more.
-        """
-        codes = [code for code in np.unique(camera).tolist() if code in self._open]
-        parts = [(judged, begin_ns), *map(self._open.pop, codes)]
-        columns = zip(*(objects for objects, _ in parts), strict=True)
-        begins_ns = np.concatenate([begins_ns for _, begins_ns in parts])
-        return JudgedObjects(*map(np.concatenate, columns)), begins_ns
-
-    def _keep_open(self, spans: JudgedObjects, begin_ns: Array) -> None:
-        """Keeps what was judged at the last instant of its camera, which is turn -1 from now on."""
-        for code in np.unique(spans.camera).tolist():
-            rows = np.flatnonzero(spans.camera == code)
-            rows = rows[np.argsort(spans.order[rows])]
-            of_camera = spans.rows(rows)._replace(turn=np.full(len(rows), -1))
-            self._open[code] = of_camera, begin_ns[rows]
+        first, last = _spans(objects, following)
+        end = following[objects.instant[last]]
+        order = np.lexsort((first, objects.begin_ns[first], end))
+        spans, end = objects.rows(first[order]), end[order]
+        is_over = end < len(following)
+        self._write(spans.rows(is_over), now_ns[end[is_over] - before])
+        still_open = spans.rows(~is_over)
+        # next time the last instant of each camera has the index that is the camera's code
+        self._open = still_open._replace(instant=still_open.camera)
 
     def close(self) -> None:
         """What is held now is held until the end."""
-        cameras = list(self.cameras)
-        for code in sorted(self._open, key=lambda code: (cameras[code][0], code)):
-            self._write(*self._open[code], None)
+        spans = self._open.rows(np.argsort(self._open.camera, kind="stable"))
+        self._write(spans, np.full(len(spans.camera), None))
 
-    def _write(self, judged: JudgedObjects, begin_ns: Array, end_ns: Array | None) -> None:
-        cars = np.array([car for car, _ in self.cameras], dtype=np.int64)[judged.camera]
-        if end_ns is None:
-            end_ns = np.full(len(begin_ns), None)
+    def _write(self, spans: JudgedObjects, end_ns: Array) -> None:
         columns = {
-            "method": Text.of(np.zeros(len(begin_ns), dtype=np.int64), [self._method]),
-            "car": Text.of(cars, list(self._cars)),
-            "label": Text.of(judged.label, list(self._labels)),
-            "east_m": judged.east_m,
-            "north_m": judged.north_m,
-            "judged": Text.of(judged.judgement, self._judgements),
-            "begin_ns": begin_ns,
+            "method": Text.of(np.zeros(len(end_ns), dtype=np.int64), [self._method]),
+            "car": Text.of(spans.camera, [car for car, _ in self._cameras]),
+            "stream": Text.of(spans.camera, [stream for _, stream in self._cameras]),
+            "label": Text.of(spans.label, list(self._labels)),
+            "east_m": spans.east_m,
+            "north_m": spans.north_m,
+            "judged": Text.of(spans.judgement, self._judgements),
+            "begin_ns": spans.begin_ns,
             "end_ns": end_ns,
         }
         self._table.extend_columns(Columns(columns))
 
 
-def _by_turn(camera: Array, turn: Array) -> Array:
-    """The index of the instant at each turn of each camera, (cameras, turns + 1), or ``NONE``.
+def _following(camera: Array) -> Array:
+    """The index of the next instant of the same camera, for each of (n,) instants; n for none.
 
-    >>> _by_turn(np.array([0, 1, 0]), np.array([0, 0, 1]))
-    array([[ 0,  2, -1],
-           [ 1, -1, -1]])
+    >>> _following(np.array([0, 1, 0, 0]))
+    array([2, 4, 3, 4])
     """
-    instants = np.full((int(camera.max()) + 1, int(turn.max()) + 2), NONE)
-    instants[camera, turn] = np.arange(len(turn))
-    return instants
+    order = np.argsort(camera, kind="stable")
+    is_same = np.diff(camera[order]) == 0
+    following = np.full(len(camera), len(camera))
+    following[order[:-1][is_same]] = order[1:][is_same]
+    return following
 
 
-def _spans(judged: JudgedObjects, begin_ns: Array) -> tuple[JudgedObjects, Array]:
-    """Of objects at instants, and since when each is so as far as its row tells [ns], the spans
-    without a gap: the row of the last instant of each, and since when the span is.
+def _spans(objects: JudgedObjects, following: Array) -> tuple[Array, Array]:
+    """The first and the last row of each span: rows of one camera, label, place and judgement, of
+    which each is at the instant of the one before (such an object is held twice) or at the one that
+    follows it (``_following``).
 
-    An object that is held twice at an instant counts once, and from that instant on. Four rows of
-    an object, three of them distinct, which make two spans::
+    An object at three of one camera's instants, 0, 1 and 3, twice at the last one: two spans.
 
-        turn          3    4    6    6
-        begin_ns     30   40   60   60
-        is_distinct   x    x    x
-        is_begin      x         x
-        is_last            x    x
-        span         30 to 4   60 to 6
+    >>> same = np.zeros(4, dtype=int)
+    >>> objects = JudgedObjects(np.array([0, 1, 3, 3]), *[same] * 6)
+    >>> _spans(objects, _following(np.zeros(4)))
+    (array([0, 2]), array([1, 3]))
     """
-    order = np.lexsort((judged.order, judged.turn, *judged.keys))
-    judged, begin_ns = judged.rows(order), begin_ns[order]
-    is_other = np.ones(len(order), dtype=bool)
-    is_other[1:] = np.any([key[1:] != key[:-1] for key in judged.keys], axis=0)
-    turns_since = np.diff(judged.turn, prepend=0)
-    distinct = np.flatnonzero(is_other | (turns_since != 0))
-    is_twice = np.diff(distinct, append=len(order)) > 1
-    is_begin = (is_other | (turns_since != 1))[distinct]
-    judged, begin_ns = judged.rows(distinct), begin_ns[distinct]
-
-    counted_from = np.where(is_begin | is_twice, np.arange(len(distinct)), 0)
-    first_row = np.maximum.accumulate(counted_from)
-    is_last = np.append(is_begin[1:], True)[: len(distinct)]
-    return judged.rows(is_last), begin_ns[first_row][is_last]
+    instant, camera, _, *rest = objects
+    order = np.lexsort((instant, camera, *rest))
+    goes_on = instant[order][1:] <= following[instant[order]][:-1]
+    for column in (camera, *rest):
+        goes_on &= np.diff(column[order]) == 0
+    is_first = np.ones(len(order), dtype=bool)
+    is_last = is_first.copy()
+    is_first[1:] = is_last[:-1] = ~goes_on
+    return order[is_first], order[is_last]

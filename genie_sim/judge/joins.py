@@ -1,4 +1,6 @@
-"""Which objects of two long lists are near each other, and which of them make pairs, in numpy."""
+"""Which objects of two long lists are near each other, and which of them match: what
+``base.matching`` does object by object, in numpy for many scenes at once.
+"""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +9,7 @@ import numpy as np
 from genie_sim.base.spans import rows_of_spans
 
 Array = np.ndarray[Any, Any]
-SMALL_GROUP = 64  # places in a group that are not worth rows
+SMALL_GROUP = 64  # places in a group that are not worth strips
 
 
 class GroupedPlaces(NamedTuple):
@@ -16,10 +18,6 @@ class GroupedPlaces(NamedTuple):
     group: Array
     east_m: Array
     north_m: Array
-
-    def rows(self, selection: Array) -> "GroupedPlaces":
-        """Those of a mask or of indices."""
-        return GroupedPlaces(*(column[selection] for column in self))
 
 
 def pair_codes(first: Array, second: Array, count: int) -> Array:
@@ -44,75 +42,97 @@ class Pairs(NamedTuple):
 
 
 def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
-    """All pairs of one group within reach, in no order that matters.
+    """All pairs of one group within reach, in any order.
 
-    Theirs are sorted by group and from west to east, so those that may be near one of ours stand
-    beside one another. Large groups are cut into rows, of which three are searched.
+    Two of ours at 0 and 5 m, three of theirs at 1, 4 and 7 m east:
+
+    >>> group, north_m = np.zeros(3, dtype=int), np.zeros(3)
+    >>> theirs = GroupedPlaces(group, np.array([1.0, 4.0, 7.0]), north_m)
+    >>> near(GroupedPlaces(group[:2], np.array([0.0, 5.0]), north_m[:2]), theirs, 2.0)
+    Pairs(ours=array([0, 1, 1]), theirs=array([0, 1, 2]), distance_m2=array([1., 1., 4.]))
     """
-    our_group, our_east_m, our_north_m = ours
-    their_group, their_east_m, their_north_m = theirs
-    if not len(our_group) or not len(their_group):
+    if not len(ours.group) or not len(theirs.group):
         none = np.zeros(0, dtype=np.int64)
         return Pairs(none, none, np.zeros(0))
-    our_line, their_line = our_group, their_group
-    lines: tuple[float, ...] = (0.0,)
-    if len(their_group) > SMALL_GROUP * (np.ptp(their_group) + 1):
-        side_m = reach_m * (1.0 + 1e-9)
-        our_row, their_row = np.floor(our_north_m / side_m), np.floor(their_north_m / side_m)
-        first_row = min(our_row.min(), their_row.min()) - 1.0
-        rows = max(our_row.max(), their_row.max()) - first_row + 2.0
-        our_line = our_group * rows + our_row - first_row
-        their_line = their_group * rows + their_row - first_row
-        lines = (-1.0, 0.0, 1.0)
-    west_m = min(our_east_m.min(), their_east_m.min())
-    width_m = max(our_east_m.max(), their_east_m.max()) - west_m + 2.0 * reach_m + 1.0
-    our_keys = our_line * width_m + (our_east_m - west_m)
-    their_keys = their_line * width_m + (their_east_m - west_m)
-    order = np.argsort(their_keys, kind="stable")
-    their_keys = their_keys[order]
-    our_keys = np.concatenate([our_keys + line * width_m for line in lines])
-    # The keys are rounded: a wider search finds all, and the distance decides.
-    search_m = reach_m + 4.0 * np.spacing(max(our_keys.max(), their_keys[-1]))
-    begins = np.searchsorted(their_keys, our_keys - search_m)
-    counts = np.searchsorted(their_keys, our_keys + search_m, side="right") - begins
-    rows, index = rows_of_spans(begins, counts)
-    found = order[rows]
-    if len(lines) > 1:
-        index %= len(our_group)
-    east_m = their_east_m[found] - our_east_m[index]
-    north_m = their_north_m[found] - our_north_m[index]
+    our_strip, their_strip, neighbours = _strips(ours, theirs, reach_m)
+    asked = np.tile(np.arange(len(our_strip)), len(neighbours))
+    strip = our_strip[asked] + np.repeat(neighbours, len(our_strip))
+    which, theirs_near = _side_by_side(
+        (strip, ours.east_m[asked]), (their_strip, theirs.east_m), reach_m
+    )
+    ours_near = asked[which]
+    east_m = theirs.east_m[theirs_near] - ours.east_m[ours_near]
+    north_m = theirs.north_m[theirs_near] - ours.north_m[ours_near]
     distance_m2 = east_m * east_m + north_m * north_m
-    is_near = (distance_m2 <= reach_m * reach_m) & (our_group[index] == their_group[found])
-    return Pairs(index[is_near], found[is_near], distance_m2[is_near])
+    is_near = distance_m2 <= reach_m * reach_m
+    is_near &= ours.group[ours_near] == theirs.group[theirs_near]
+    return Pairs(ours_near, theirs_near, distance_m2).rows(is_near)
 
 
-def turns(codes: Array) -> Array:
-    """Returns how often each code has been there before."""
-    order = np.argsort(codes, kind="stable")
-    in_order = codes[order]
-    result = np.empty(len(codes), dtype=np.int64)
-    result[order] = np.arange(len(codes)) - np.searchsorted(in_order, in_order)
-    return result
+def _strips(
+    ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float
+) -> tuple[Array, Array, tuple[float, ...]]:
+    """The number of each place's strip, and in which strips the places near it are, counted from
+    its own.
 
-
-def matches(pairs: Pairs) -> Array:
-    """The indices of those pairs in which each object occurs once: greedy, in their order.
-
-    A pair that comes first of both its objects is one of them; pairs that share an object with it
-    are not. What remains is looked at in the same way.
+    A group is one strip. Where groups are large, they are cut into strips from west to east, as
+    broad as the reach: what is near a place is in its own or in one of the two beside it.
     """
-    left = np.arange(len(pairs.ours))
-    first = [np.zeros(side.max(initial=-1) + 1, dtype=np.int64) for side in pairs[:2]]
+    if len(theirs.group) <= SMALL_GROUP * (np.ptp(theirs.group) + 1):
+        return ours.group, theirs.group, (0.0,)
+    breadth_m = reach_m * (1.0 + 1e-9)
+    ours_up, theirs_up = (np.floor(places.north_m / breadth_m) for places in (ours, theirs))
+    # the first and the last strip of a group stay empty: beside them are those of another
+    lowest = min(ours_up.min(), theirs_up.min()) - 1.0
+    strips = max(ours_up.max(), theirs_up.max()) - lowest + 2.0
+    return (
+        ours.group * strips + ours_up - lowest,
+        theirs.group * strips + theirs_up - lowest,
+        (-1.0, 0.0, 1.0),
+    )
+
+
+def _side_by_side(
+    ours: tuple[Array, Array], theirs: tuple[Array, Array], reach_m: float
+) -> tuple[Array, Array]:
+    """The indices of all pairs of one strip of which one is within reach east or west of the other,
+    and of a few more.
+
+    Places are given by strip and east [m]. All strips are laid end to end, farther apart than the
+    reach: on that line, those of theirs that are near one of ours follow one another.
+    """
+    (our_strip, our_east_m), (their_strip, their_east_m) = ours, theirs
+    west_m = min(our_east_m.min(), their_east_m.min())
+    length_m = max(our_east_m.max(), their_east_m.max()) - west_m + 2.0 * reach_m + 1.0
+    our_at_m = our_strip * length_m + (our_east_m - west_m)
+    their_at_m = their_strip * length_m + (their_east_m - west_m)
+    order = np.argsort(their_at_m, kind="stable")
+    their_at_m = their_at_m[order]
+    # where they are on the line is rounded: a wider search finds all
+    search_m = reach_m + 4.0 * np.spacing(max(our_at_m.max(), their_at_m[-1]))
+    begins = np.searchsorted(their_at_m, our_at_m - search_m)
+    ends = np.searchsorted(their_at_m, our_at_m + search_m, side="right")
+    rows, our_index = rows_of_spans(begins, ends - begins)
+    return our_index, order[rows]
+
+
+def matches(pairs: Pairs) -> Pairs:
+    """Those of the pairs in which each object occurs once: the nearest first, equally near ones in
+    the order of ours, then of theirs (``base.matching.pairs``).
+
+    The second of ours is nearest to the first of theirs, and leaves the other to the first of ours:
+
+    >>> matches(Pairs(np.array([0, 0, 1]), np.array([0, 1, 0]), np.array([1.0, 4.0, 0.5])))
+    Pairs(ours=array([1, 0]), theirs=array([0, 1]), distance_m2=array([0.5, 4. ]))
+    """
+    order = np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2))
+    our_indices: set[int] = set()
+    their_indices: set[int] = set()
     chosen = []
-    while len(left):
-        sides = [side[left] for side in pairs[:2]]
-        for place, side in zip(first, sides, strict=True):
-            place[side[::-1]] = left[::-1]  # of equal indices the last counts: the first pair
-        is_first = [place[side] == left for place, side in zip(first, sides, strict=True)]
-        best = left[is_first[0] & is_first[1]]
-        chosen.append(best)
-        taken = [np.zeros(len(place), dtype=bool) for place in first]
-        for is_taken, side in zip(taken, pairs[:2], strict=True):
-            is_taken[side[best]] = True
-        left = left[~(taken[0][sides[0]] | taken[1][sides[1]])]
-    return np.sort(np.concatenate(chosen)) if chosen else left
+    in_order = pairs.ours[order].tolist(), pairs.theirs[order].tolist()
+    for pair, i, j in zip(order.tolist(), *in_order, strict=True):
+        if i not in our_indices and j not in their_indices:
+            our_indices.add(i)
+            their_indices.add(j)
+            chosen.append(pair)
+    return pairs.rows(np.array(chosen, dtype=np.int64))

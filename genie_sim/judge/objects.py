@@ -60,9 +60,9 @@ class ShownObjects(NamedTuple):
         velocities_mps = np.zeros((len(placed), 2))
         motions = list(map(_motion, placed))
         if any(motions):
-            for place, motion in enumerate(motions):
+            for row, motion in enumerate(motions):
                 if motion is not None:
-                    velocities_mps[place] = motion.velocity_mps
+                    velocities_mps[row] = motion.velocity_mps
         columns = cls(
             *np.frombuffer(codes, dtype=np.int64).reshape(-1, 2).T,
             *np.frombuffer(places).reshape(-1, 3).T[:2],

@@ -1,7 +1,7 @@
 """What cars are judged by, many instants at once: who looks from where, and what is there."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -34,6 +34,12 @@ class DriveTruth(Protocol):
     It is asked after the instants that it is asked about. Labels are those of detections; what has
     the same class (``base.classes.class_of``) is the same.
     """
+
+    @property
+    def cameras(self) -> Collection[str] | None:
+        """The cameras of a recording of whose frames it tells: these have a ``camera``. ``None``:
+        of all frames.
+        """
 
     @property
     def tolerance_m(self) -> float:
@@ -70,21 +76,21 @@ class JudgedScene(NamedTuple):
 
 class Visible(NamedTuple):
     """Columns (n,), a row per object that can be seen, scene by scene: the index of the scene,
-    codes of the label, of the class and of the place, whether it moves, and where it is [m].
+    codes of the label, of the class and of class and place, whether it moves, and where it is [m].
     """
 
     scene: Array
     label: Array
     class_: Array
-    place: Array
+    place_code: Array
     moving: Array
     east_m: Array
     north_m: Array
 
     @classmethod
     def of(cls, scenes: Sequence[JudgedScene], labels: LabelCodes, places: Codes) -> "Visible":
-        """All that can be seen in some scenes, in the field of view or not, with codes of labels
-        and classes, and of a class's code and a place.
+        """All that can be seen in some scenes, in the field of view or not; ``places`` are the
+        codes of class and place (``RecentPlaces``).
         """
         rows: list[tuple[Any, ...]] = []
         image: Image | None = None
@@ -95,8 +101,8 @@ class Visible(NamedTuple):
                 for thing in scene.truth.visible(image.content):
                     label, class_ = labels[thing.label]
                     east_m, north_m, _ = thing.location
-                    place = places[class_, east_m, north_m]
-                    things.append((label, class_, place, thing.moving, east_m, north_m))
+                    place_code = places[class_, east_m, north_m]
+                    things.append((label, class_, place_code, thing.moving, east_m, north_m))
             rows += [(number, *thing) for thing in things]
         columns = list(zip(*rows, strict=True)) or [()] * len(cls._fields)
         kinds = [np.int64] * 5 + [np.float64] * 2
@@ -108,13 +114,14 @@ class Visible(NamedTuple):
 
 
 class SceneViews(NamedTuple):
-    """Columns (scenes,): the time [ns], the car's number, whether it is about a consumer, the
-    camera's place [m], heading and half of its field of view [rad], and the tolerance and range [m]
-    of the truth.
+    """Columns (scenes,): the time [ns], the code of the camera, a car and a stream, the number of
+    the truth, whether it is about a consumer, the camera's place [m], heading and half of its field
+    of view [rad], and the tolerance and range [m] of the truth.
     """
 
     now_ns: Array
-    car: Array
+    camera: Array
+    truth: Array
     is_consumer: Array
     east_m: Array
     north_m: Array
@@ -124,20 +131,31 @@ class SceneViews(NamedTuple):
     range_m: Array
 
     @classmethod
-    def of(cls, scenes: Sequence[JudgedScene], cars: Codes) -> "SceneViews":
-        """Those of some scenes, with the numbers of cars."""
+    def of(
+        cls, scenes: Sequence[JudgedScene], cameras: Codes, truths: Mapping[str, int]
+    ) -> "SceneViews":
+        """Those of some scenes, with the codes of cameras, and the number of each car's truth."""
         rows = []
         for image, truth, _, _ in scenes:
             pose, half_fov_rad = image.pose, image.horizontal_fov_rad / 2
-            camera = pose.east_m, pose.north_m, pose.heading_rad, half_fov_rad
-            rows.append((*camera, truth.tolerance_m, truth.range_m))
+            view = pose.east_m, pose.north_m, pose.heading_rad, half_fov_rad
+            rows.append((*view, truth.tolerance_m, truth.range_m))
         headers = [scene.image.header for scene in scenes]
         return cls(
             np.array([header.stamp_ns for header in headers]),
-            np.array([cars[header.origin] for header in headers]),
+            np.array([cameras[header.origin, header.frame_id] for header in headers]),
+            np.array([truths[header.origin] for header in headers]),
             np.array([scene.is_consumer for scene in scenes]),
             *np.array(rows, dtype=np.float64).T,
         )
+
+    @property
+    def instant(self) -> Array:
+        """The number of each scene's instant: the consumer's scene comes first, and that of the
+        zero-delay detector, if any, after it.
+        """
+        instants: Array = np.cumsum(self.is_consumer) - 1
+        return instants
 
     def see(self, scene: Array, east_m: Array, north_m: Array) -> Array:
         """Which places [m] (n,) are in the field of view of their scene, of which ``scene`` (n,)

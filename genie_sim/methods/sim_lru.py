@@ -1,6 +1,4 @@
-"""SIM-LRU and RND-LRU: the answer to a similar image is replayed (F. Chierichetti, R. Kumar, S.
-Vassilvitskii, PODS 2009).
-"""
+"""SIM-LRU and RND-LRU: the answer to a similar image is replayed (S. Pandey et al., WWW 2009)."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -199,7 +199,7 @@ def _c20(evidence: Evidence, claim: Claim) -> Finding:
         alone = evidence.of(first, placed("image_reuse_highest", "car"))
         bar = evidence.of(scenario, placed("image_reuse", "car"))
         peak_at = evidence.of(scenario, placed("image_peak_at", "car"))
-        twice[f"{scenario} twice the bar"] = more(high, claim.expect * bar)
+        twice[f"{scenario} twice the mean"] = more(high, claim.expect * bar)
         above[f"{scenario} above 1 car"] = more(high, alone)
         early[f"{scenario} early"] = Effect(claim.also - peak_at, peak_at)
         ratios.append(high / bar)

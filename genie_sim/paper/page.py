@@ -13,7 +13,6 @@ from genie_sim.paper import claims, printed
 from genie_sim.paper.checks import ALL
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
-from genie_sim.record import provenance
 from genie_sim.record.records import ZERO_DELAY
 from genie_sim.report import template
 from genie_sim.report.template import Page, Section
@@ -37,42 +36,39 @@ ACCURACY = (
 )
 
 
-def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = None) -> str:
-    """The page about an evaluation; ``figures`` that are given are not drawn again. Raises
-    ``UserError``.
-    """
+def page(reproduction: "Reproduction", figures: "Mapping[str, Figure]") -> str:
+    """The page about an evaluation, with its figures."""
     about, rows, evidence = reproduction.about, reproduction.rows, Evidence(reproduction.numbers)
-    with provenance.of_this_version(reproduction.folder):
-        seeds = len(about["seeds"])
-        return Page(
-            kind="an evaluation",
-            name=TITLE,
-            about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
-            sections=[
-                Section(
-                    "What of the paper holds",
-                    [
-                        *(
-                            f"<p>{escape(text)}</p>"
-                            for text in (claims.total(rows), *claims.sentences(rows))
-                        ),
-                        _claims(rows),
-                        template.note(ABOUT_CLAIMS),
-                    ],
-                ),
-                Section(
-                    "The paper's figures",
-                    [template.figures(reproduction.figures() if figures is None else figures)],
-                ),
-                Section(
-                    "How accurate the answers are",
-                    [template.note(printed.ABOUT_ACCURACY), template.table(accuracy(evidence))],
-                ),
-            ],
-            notes=printed.notes(rows),
-            origin="numbers.parquet. Versions and digests are in run.json beside this page, the "
-            "verdicts also in verdicts.md.",
-        ).text()
+    seeds = len(about["seeds"])
+    return Page(
+        kind="an evaluation",
+        name=TITLE,
+        about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
+        sections=[
+            Section(
+                "What of the paper holds",
+                [
+                    *(
+                        f"<p>{escape(text)}</p>"
+                        for text in (claims.total(rows), *claims.sentences(rows))
+                    ),
+                    _claims(rows),
+                    template.note(ABOUT_CLAIMS),
+                ],
+            ),
+            Section(
+                "The paper's figures",
+                [template.figures(figures)],
+            ),
+            Section(
+                "How accurate the answers are",
+                [template.note(printed.ABOUT_ACCURACY), template.table(accuracy(evidence))],
+            ),
+        ],
+        notes=printed.notes(rows),
+        origin="numbers.parquet. Versions and digests are in the run.json of the results, the "
+        "verdicts also in verdicts.md.",
+    ).text()
 
 
 def _claims(rows: Sequence[Mapping[str, Any]]) -> str:

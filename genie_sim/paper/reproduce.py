@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import registry, renderers
 from genie_sim.analysis.registry import definition
-from genie_sim.analysis.tidy import across_seeds
+from genie_sim.analysis.tidy import across_seeds, cells_of
 from genie_sim.base.errors import Suggesting, UserError
 from genie_sim.base.parallel import workers_here
 from genie_sim.base.paths import sha256_of
@@ -26,7 +26,7 @@ from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import folders, provenance
 from genie_sim.record.results import Run
 from genie_sim.report import template
-from genie_sim.report.result import Result, cells_of
+from genie_sim.report.result import Result
 from genie_sim.scenario.yaml_input import read_mapping
 
 if TYPE_CHECKING:
@@ -134,7 +134,8 @@ class Reproduction(Suggesting, Result):
 
     def page(self) -> str:
         """See ``Result``."""
-        return page.page(self)
+        with provenance.of_this_version(self.folder):
+            return page.page(self, self.figures())
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """A line for each number that differs, and one for all."""
@@ -264,7 +265,7 @@ def show(folder: Path, evaluation: Reproduction) -> None:
     """Writes what is derived from the numbers in the folder. Raises ``NotDerivedError``."""
     from genie_sim.analysis.figures import save_all
 
-    drawn_figures = None
+    drawn_figures: Mapping[str, Figure] = {}
     with folders.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(evaluation.numbers))

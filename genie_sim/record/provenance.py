@@ -25,7 +25,7 @@ from genie_sim.version import PACKAGE_FOLDER, VERSION
 log = logging.getLogger(__name__)
 # Of every result folder, in run.json or sweep.json: one more when a table, a column, a field of
 # ``MetricValue`` or a fact is another, or means something else. Every run id changes with it.
-RESULT_FORMAT = 6
+RESULT_FORMAT = 7
 # Of run.json, required by every command; other fields are checked where they are used.
 REQUIRED: dict[str, tuple[type, str]] = {
     "run_id": (str, "text"),
@@ -175,8 +175,8 @@ def check_format(path: Path, about: Mapping[str, Any]) -> None:
 @contextmanager
 def of_this_version(folder: Path | None) -> Iterator[None]:
     """While the results in a folder are put to use: what another version wrote there, or somebody
-    changed since, may lack anything. Raises ``UserError`` then; without a folder the fault is not
-    the results'.
+    changed since, may lack anything. Raises ``UserError`` then, which does not hide a fault of the
+    program's own; without a folder the fault is not the results'.
     """
     try:
         yield
@@ -184,7 +184,8 @@ def of_this_version(folder: Path | None) -> Iterator[None]:
         if folder is None:
             raise
         raise UserError(
-            f"{folder}: not written by this version of genie-sim: {short_repr(error)}"
+            f"{folder}: not written by this version of genie-sim, or that has a fault: "
+            f"{short_repr(error)}; genie-sim --debug shows where"
         ) from error
 
 

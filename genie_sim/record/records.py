@@ -240,17 +240,18 @@ class AnswerRow(NamedTuple):
 
 
 class HeldRow(NamedTuple):
-    """Where the truth is known, one row per car and frame of its first camera, in order of
-    time: what its consumer holds when the frame is taken, compared with what is really in view
-    then. An object held is right if one of its class is within reach of it, each counted once,
-    nearest first. The detector's own answer to the frame without any delay, zero_delay, is
-    judged in the same way; it is written under the first method that the car drives with, and
-    the same under every other.
+    """Where the truth is known, one row per car and frame of its first camera, or of all that are
+    judged, in order of time: what its consumer holds when the frame is taken, compared with what is
+    really in view then. An object held is right if one of its class is within reach of it, each
+    counted once, nearest first. The detector's own answer to the frame without any delay,
+    zero_delay, is judged in the same way; it is written under the first method that the car drives
+    with, and the same under every other.
     """
 
     method: Method
     what: Annotated[str, "", "consumer or zero_delay"]
     car: Annotated[str, "", "the car that is judged"]
+    stream: Annotated[str, "", "its camera stream in whose field of view that is"]
     stamp_ns: Annotated[int, "ns", "the instant"]
     held: Annotated[
         Int32,
@@ -274,14 +275,16 @@ class HeldRow(NamedTuple):
 
 
 class HeldObjectRow(NamedTuple):
-    """Where the truth is known, one row per object that a car's consumer holds in its field of
-    view, or misses there, for as long as it does so at one place. Judged at the same instants and
-    in the same way as `held`, whose counts are the rows open at an instant (`begin_ns` <=
-    `stamp_ns` < `end_ns`). In the order of their ends.
+    """Where the truth is known, one row per object that a car's consumer holds in a camera's field
+    of view, or misses there, for as long as it does so at one place. Judged at the same instants
+    and in the same way as `held`, whose counts are the rows of the camera that are open at an
+    instant (`begin_ns` <= `stamp_ns` < `end_ns`); two at one place make one row. What several
+    cameras see has a row for each, alike but for the stream. In the order of their ends.
     """
 
     method: Method
     car: Annotated[str, "", "the car that is judged"]
+    stream: Annotated[str, "", "its camera stream in whose field of view the object is"]
     label: Annotated[str, "", "class of the object"]
     east_m: Annotated[
         float,

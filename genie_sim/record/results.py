@@ -121,7 +121,7 @@ class Run:
 
     Of a cell of a sweep or an evaluation only the numbers of whole methods are at hand: it has no
     tables and no yaml, and of the facts its name and seed, ``methods`` and ``genie_sim``
-    (``report.result.cells_of``).
+    (``analysis.tidy.cells_of``).
     """
 
     run_id: str

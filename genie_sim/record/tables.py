@@ -272,25 +272,19 @@ class Table:
                 counted += values[begin : begin + self._width]
         return counted
 
-    def _check_width(self, values: Sequence[Value]) -> None:
-        if len(values) % self._width:
-            text = f"{len(values)} values are no whole rows of {self._width} columns"
-            raise ValueError(f"{self.name}: {text}")
-
     def append(self, row: Sequence[Value]) -> None:
         """Adds a row; its values are in the order of the columns. Raises ``ValueError`` unless each
         column has one.
         """
-        self._check_width(row)
-        self._new += self._counted(row) if self._warm_up_ns else row
-        if len(self._new) >= self._room:
-            self._store(self._room)
+        self.extend(row)
 
     def extend(self, values: Sequence[Value]) -> None:
         """Adds rows; their values stand one after the other, in the order of the columns. Raises
         ``ValueError`` unless each column has as many.
         """
-        self._check_width(values)
+        if len(values) % self._width:
+            text = f"{len(values)} values are no whole rows of {self._width} columns"
+            raise ValueError(f"{self.name}: {text}")
         self._new += self._counted(values) if self._warm_up_ns else values
         while len(self._new) >= self._room:
             self._store(self._room)
@@ -340,12 +334,6 @@ class Table:
             buffer.values.pop()
         self._rows -= 1
         return row
-
-    @property
-    def size_bytes(self) -> int:
-        """Memory the rows take."""
-        self._store()
-        return sum(len(buffer.values) * buffer.values.itemsize for buffer in self._buffers.values())
 
     def write(self, path: Path) -> None:
         """Writes the table: zstd, groups of 65,536 rows, no time, no host. No row can be added

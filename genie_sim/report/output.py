@@ -39,23 +39,25 @@ class Output:
     def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
         """The same, each by an ``attempt`` of ``derived``."""
         from genie_sim.analysis import summary
-        from genie_sim.report import pages, template
 
         with attempt("summary.md"):
             write_summary(folder / "summary.md", summary.markdown(results))
-        drawn = None
-        if self.figures:
-            from genie_sim.analysis import figures  # imports matplotlib
+        if not (self.page or self.figures):
+            return
+        from genie_sim.analysis import figures  # imports matplotlib
+        from genie_sim.report import pages, template
 
+        makers = figures.makers(results)
+        if self.figures:
             with attempt("figures"):
-                drawn = figures.of_run(results)
+                drawn = {name: draw() for name, draw in makers.items()}
                 figures.save_all(drawn, contained(folder, "figures"), self.figures)
         if self.page:
             with attempt(template.NAME):
                 if isinstance(results, SeedRuns):
-                    page = pages.of_seeds(results, drawn)
+                    page = pages.of_seeds(results, makers)
                 else:
-                    page = pages.of_run(results, drawn=drawn)
+                    page = pages.of_run(results, makers)
                 template.write(folder / template.NAME, page)
 
 

@@ -1,15 +1,15 @@
 """The pages about results: of a run, of several seeds, of a sweep, and of a comparison."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from genie_sim.analysis import compare_tables, screen, style, summary
 from genie_sim.analysis.compare import ComparedRuns, compared
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
+from genie_sim.analysis.seed_runs import RUNS, SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.record import provenance
 from genie_sim.report import template
 from genie_sim.report.replay import replay_data
 from genie_sim.report.template import Page, Section
@@ -19,77 +19,71 @@ if TYPE_CHECKING:
 
     from genie_sim.record.results import Run
 
+Makers: TypeAlias = "Mapping[str, Callable[..., Figure]]"  # what draws figures, by their names
 
-def of_run(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" = None) -> str:
-    """The text of the page about ``run``, which is replayed from ``start_ns`` on, as far as the
-    page's size allows. Figures that were ``drawn`` are not drawn again. Raises ``UserError`` for a
-    run from a folder that this version did not write.
+
+def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
+    """The text of the page about ``run``, with those figures of ``makers`` that it shows, and a
+    replay from ``start_ns`` on, as far as the page's size allows.
     """
-    with provenance.of_this_version(run.folder):
-        notes: list[str] = []
-        replay = replay_data(run, start_ns, notes)
-        main = summary.main_table(run)
-        several = len(run.methods) > 1
-        description = str(run.facts["scenario"]["description"])
-        return Page(
-            kind="one run",
-            name=run.title,
-            title=f"{run.title}, run {run.run_id}",
-            about=[*filter(None, [description]), f"{screen.header(run)}."],
-            sections=[
-                Section(
-                    "In short", [template.listed(verdicts(compared([run])) if several else [])]
-                ),
-                Section("Results", [template.table(main), template.note(summary.ABOUT_INTERVALS)]),
-                Section("Figures", [template.figures(_shown(run, style.RUN, drawn))]),
-                # its title makes the id that replay.js scrolls to
-                Section("Replay", [template.part("replay.html")] if replay is not None else []),
-                Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
-                Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),
-            ],
-            notes=[*notes, *filter(None, [summary.about_laws(run)])],
-            origin=f"run {run.run_id}. Versions, digests and the sources of the traces are in "
-            "run.json beside this page, the numbers also in metrics.json and summary.md.",
-            replay=replay,
-        ).text()
+    replay, note = replay_data(run, start_ns)
+    description = str(run.facts["scenario"]["description"])
+    return Page(
+        kind="one run",
+        name=run.title,
+        title=f"{run.title}, run {run.run_id}",
+        about=[*filter(None, [description]), f"{screen.header(run)}."],
+        sections=[
+            Section("In short", [template.listed(verdicts(compared([run])))]),
+            Section(
+                "Results",
+                [template.table(summary.main_table(run)), template.note(summary.ABOUT_INTERVALS)],
+            ),
+            Section("Figures", [_figures(style.RUN, makers)]),
+            # its title makes the id that replay.js scrolls to
+            Section("Replay", [template.part("replay.html")] if replay is not None else []),
+            Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
+            Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),
+        ],
+        notes=[*filter(None, [note, summary.about_laws(run)])],
+        origin=f"run {run.run_id}. In its folder, versions, digests and the sources of the traces "
+        "are in run.json, the numbers also in metrics.json and summary.md.",
+        replay=replay,
+    ).text()
 
 
-def of_seeds(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> str:
+def of_seeds(runs: SeedRuns, makers: Makers) -> str:
     """The text of the page about runs with several seeds: their means, the differences between
-    their methods, their figures, and the way to the page of each run. Figures that were ``drawn``
-    are not drawn again. Raises ``UserError``.
+    their methods, those figures of ``makers`` that it shows, and where each run is.
     """
-    with provenance.of_this_version(runs.folder):
-        comparison, seeds = compared([runs]), seeds_text(runs.seeds)
-        pages = [
-            f'<li><a href="runs/{escape(run.folder.name)}/{template.NAME}">seed {run.seed}, run '
-            f"{run.run_id}</a></li>"
-            for run in runs.runs
-            if run.folder is not None and (run.folder / template.NAME).is_file()
-        ]
-        links = f"<ul>{''.join(pages)}</ul>" if pages else ""
-        description = str(runs.runs[0].facts["scenario"]["description"])
-        return Page(
-            kind="a run with several seeds",
-            name=runs.title,
-            title=f"{runs.title}, {seeds}",
-            about=[*filter(None, [description]), f"{seeds[0].upper()}{seeds[1:]}."],
-            sections=[
-                Section("In short", [template.listed(verdicts(comparison))]),
-                Section(
-                    "Means",
-                    [
-                        template.note(summary.about_seeds(runs)),
-                        template.table(summary.main_table(runs)),
-                    ],
-                ),
-                Section("Figures", [template.figures(_shown(runs, style.SEEDS, drawn))]),
-                _differences(comparison),
-                Section("Each run", [links]),
-            ],
-            origin="the runs in the folder 'runs' beside this page. The numbers are also in "
-            "summary.md and table.csv.",
-        ).text()
+    comparison, seeds = compared([runs]), seeds_text(runs.seeds)
+    description = str(runs.runs[0].facts["scenario"]["description"])
+    places = ["" if run.folder is None else f", in {RUNS}/{run.folder.name}" for run in runs.runs]
+    each = [
+        f"seed {run.seed}: run {run.run_id}{place}"
+        for run, place in zip(runs.runs, places, strict=True)
+    ]
+    return Page(
+        kind="a run with several seeds",
+        name=runs.title,
+        title=f"{runs.title}, {seeds}",
+        about=[*filter(None, [description]), f"{seeds[0].upper()}{seeds[1:]}."],
+        sections=[
+            Section("In short", [template.listed(verdicts(comparison))]),
+            Section(
+                "Means",
+                [
+                    template.note(summary.about_seeds(runs)),
+                    template.table(summary.main_table(runs)),
+                ],
+            ),
+            Section("Figures", [_figures(style.SEEDS, makers)]),
+            _differences(comparison),
+            Section("Each run", [template.listed(each)]),
+        ],
+        origin="its runs. In the folder of the results, the numbers are also in summary.md and "
+        "table.csv.",
+    ).text()
 
 
 def of_table(
@@ -98,16 +92,15 @@ def of_table(
     """The text of a page about one table, whose title is the page's, and its figures: ``about``
     says what it is of, ``arms`` are the titles of the methods.
     """
-    untitled = ResultTable(table.columns, table.rows, notes=table.notes, corner=table.corner)
     return Page(
         kind="a sweep",
         name=table.title,
         about=[about, f"Methods: {', '.join(arms)}."],
         sections=[
             Section("Figures", [template.figures(drawn)]),
-            Section("Numbers", [template.table(untitled, filtered=True)]),
+            Section("Numbers", [template.table(replace(table, title=""), filtered=True)]),
         ],
-        origin="the runs of the sweep. All numbers are in table.csv beside this page.",
+        origin="its runs. All numbers are in table.csv in the folder of the results.",
     ).text()
 
 
@@ -140,15 +133,7 @@ def _differences(comparison: ComparedRuns) -> Section:
     return Section("Differences", [about, rows] if rows else [])
 
 
-def _shown(
-    results: "Run | SeedRuns", kind: str, drawn: "Mapping[str, Figure] | None"
-) -> "dict[str, Figure]":
-    """The figures that this kind of page shows, of those that there are. Figures that were
-    ``drawn`` are not drawn again.
-    """
+def _figures(kind: str, makers: Makers) -> str:
+    """The figures that this kind of page shows, of those that there are."""
     names = [name for name, kinds in style.RUN_FIGURES.items() if kind in kinds]
-    if drawn is None:
-        from genie_sim.analysis.figures import makers  # imports matplotlib
-
-        drawn = {name: draw() for name, draw in makers(results).items() if name in names}
-    return {name: drawn[name] for name in names if name in drawn}
+    return template.figures({name: makers[name]() for name in names if name in makers})

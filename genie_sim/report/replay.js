@@ -1,49 +1,45 @@
-// The replay's clock and controls: one instant for the street and the strip of frames, under one method.
-// Uses all others of the replay, and the id of the section "Replay".
+// The replay: one instant of simulated time, under one method, for the street, the strip of frames and one frame's
+// story. Its elements are those of replay.html.
+
+import { byId, make, makeSvg, option, unpacked } from "./replay_elements.js";
+import { countsText, decode, latestFrame } from "./replay_model.js";
+import { Street } from "./replay_street.js";
+import { Strip } from "./replay_strip.js";
+import { shortStory, storyOf } from "./story.js";
 
 const STEP_US = 100000; // of an arrow key
 const TICK_US = 10000; // of the slider
+const TELL_MS = 120; // between two words on a moment while it plays
 const OLD_BROWSER = "The replay needs a browser of 2023 or later.";
 
 class Replay {
   constructor(run) {
     const method = run.methods.find(({ caches }) => caches) ?? run.methods[0];
-    Object.assign(this, { run, method, now: run.begin_us, selected: -1, playing: false, before: 0, told: 0 });
-    const isChecked = (id) => () => byId(id).checked;
-    const options = {
-      trail: isChecked("trail"),
-      views: isChecked("views"),
-      heldObjects: isChecked("held-objects"),
-      speed: () => Number(byId("speed").value),
-      selected: () => this.selected,
-      now: () => this.now,
-      method: () => this.method,
-      choose: (id) => this.chooseByHand(id),
-    };
-    this.axis = new TimeAxis(run);
-    this.street = new Street(run, byId("map"), byId("map-tip"), options);
-    this.strip = new Strip(run, byId("strip"), this.axis, options);
+    const selected = Math.max(latestFrame(run, run.cars[0], run.begin_us + (run.end_us - run.begin_us) * 0.4), 0);
+    Object.assign(this, { run, method, selected, now: answeredAt(run, method, selected), isPlaying: false });
+    const choose = (id) => this.choose(id);
+    this.street = new Street(run, byId("map"), byId("map-tip"), choose);
+    this.strip = new Strip(run, byId("strip"), choose);
     this.fillControls();
     this.listen();
-    if (this.followAddress()) return;
-    this.setMethod(method);
-    this.choose(Math.max(latestFrame(run, run.cars[0], run.begin_us + (run.end_us - run.begin_us) * 0.4), 0));
+    this.render();
+    this.followAddress();
   }
 
   fillControls() {
     const { run } = this;
     byId("time").max = Math.round((run.end_us - run.begin_us) / TICK_US);
-    byId("which-stream").append(...run.streams.map(({ car, name }, i) => option(i, `${car} ${name}`)));
+    byId("which-stream").append(...run.streams.map(({ car, stream }, i) => option(i, `${car} ${stream}`)));
     byId("method").append(...run.methods.map(({ title }, i) => option(i, title)));
     byId("method").parentElement.hidden = run.methods.length === 1;
-    byId("held-objects").parentElement.hidden = !run.methods.some(({ heldObjects }) => heldObjects.begin.length);
+    byId("held-objects").parentElement.hidden = !run.methods.some(({ held_objects }) => held_objects.car.length);
     if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("speed").value = "0.1";
   }
 
   listen() {
     const on = (id, event, call) => byId(id).addEventListener(event, call),
       { run } = this;
-    on("method", "change", () => this.changeMethod(run.methods[Number(byId("method").value)]));
+    on("method", "change", () => this.set({ method: run.methods[Number(byId("method").value)], isPlaying: false }));
     on("which", "submit", (event) => {
       event.preventDefault();
       this.chooseNumber();
@@ -51,7 +47,7 @@ class Replay {
     for (const id of ["which-stream", "which-frame"]) on(id, "change", () => this.chooseNumber());
     on("earlier", "click", () => this.chooseBeside(-1));
     on("later", "click", () => this.chooseBeside(1));
-    on("play", "click", () => this.play(!this.playing));
+    on("play", "click", () => this.play());
     on("time", "input", () => this.seek(run.begin_us + Number(byId("time").value) * TICK_US));
     for (const id of ["speed", "trail", "views", "held-objects"]) on(id, "input", () => this.render());
     for (const id of ["map", "strip"]) on(id, "keydown", (event) => this.followKey(event));
@@ -60,102 +56,86 @@ class Replay {
     window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.render());
   }
 
+  // The one way to change what is shown: method, selected (the id of the chosen frame), now [us] and isPlaying. While
+  // it plays the address stays: browsers bound how often it may be written.
+  set(changes) {
+    Object.assign(this, changes);
+    this.now = Math.min(Math.max(this.now, this.run.begin_us), this.run.end_us);
+    this.render();
+    if (!this.isPlaying) this.writeAddress();
+  }
+
   render() {
-    const { run, now } = this,
+    const { run, method, selected, now, isPlaying } = this,
+      isOn = (id) => byId(id).checked,
       text = `${(now / 1e6).toFixed(2)} s of ${(run.end_us / 1e6).toFixed(2)} s`;
-    this.axis.follow(now, byId("strip").clientWidth);
-    this.street.paint(now);
-    this.strip.paint(now);
+    const options = { trail: isOn("trail"), views: isOn("views"), heldObjects: isOn("held-objects") };
+    this.street.paint({ now, method, selected, speed: Number(byId("speed").value), ...options });
+    this.strip.paint({ now, method, selected });
+    byId("play").textContent = isPlaying ? "Pause" : "Play";
     byId("time").value = Math.round((now - run.begin_us) / TICK_US);
     byId("time").setAttribute("aria-valuetext", text);
     byId("clock").value = text;
-    if (Math.abs(performance.now() - this.told) < 120 && this.playing) return;
+    this.tellFrame();
+    if (isPlaying && performance.now() - this.told < TELL_MS) return;
     this.told = performance.now();
-    byId("moment").textContent = countsText(run, this.method, now);
+    byId("moment").textContent = countsText(method, now);
   }
 
-  moveTo(t) {
-    this.now = Math.min(Math.max(t, this.run.begin_us), this.run.end_us);
-    this.render();
-  }
-  seek(t) {
-    this.play(false);
-    this.moveTo(t);
-    this.writeAddress();
-  }
-
-  play(isOn) {
-    const stops = this.playing && !isOn;
-    this.playing = isOn;
-    byId("play").textContent = isOn ? "Pause" : "Play";
-    if (stops) {
-      this.render();
-      this.writeAddress(); // not while it plays: browsers bound how often that may be
-    }
-    if (!isOn) return;
-    if (this.now >= this.run.end_us) this.now = this.run.begin_us;
-    this.before = performance.now();
-    requestAnimationFrame((time) => this.tick(time));
-  }
-  tick(time) {
-    if (!this.playing) return;
-    const t = this.now + Math.min(time - this.before, 100) * 1000 * Number(byId("speed").value);
-    this.before = time;
-    this.moveTo(t);
-    if (t >= this.run.end_us) this.play(false);
-    requestAnimationFrame((next) => this.tick(next));
-  }
-
-  // Shows the story of a frame, and moves to `t`, by default to its first answer.
-  choose(id, t) {
-    const { run, method } = this;
-    this.selected = id;
-    byId("which-stream").value = run.frames.stream[id];
-    byId("which-frame").value = run.frames.number[id];
-    byId("story").replaceChildren(...storyOf(run, method, id));
-    byId("frame-told").textContent = shortStory(run, method, id);
-    this.moveTo(t ?? run.frames.stamp[id] + Math.max(method.rows.first_answer_us[id], 0));
-    this.play(false);
+  // The story of the chosen frame, and what the marks mean, where they are not those that are told.
+  tellFrame() {
+    const { run, method, selected, toldOf } = this;
+    if (toldOf?.method === method && toldOf.selected === selected) return;
+    this.toldOf = { method, selected };
+    byId("method").value = run.methods.indexOf(method);
+    byId("which-stream").value = run.streams.indexOf(run.frames.stream[selected]);
+    byId("which-frame").value = run.frames.number[selected];
+    byId("story").replaceChildren(...storyOf(run, method, selected));
+    byId("frame-told").textContent = shortStory(run, method, selected);
     byId("frame").style.scrollMarginTop = `${byId("frames").offsetHeight}px`;
+    showLegend(run, method);
   }
-  chooseByHand(id) {
-    this.choose(id);
-    this.writeAddress();
+
+  seek(now) {
+    this.set({ now, isPlaying: false });
+  }
+  choose(id) {
+    this.set({ selected: id, now: answeredAt(this.run, this.method, id), isPlaying: false });
   }
   chooseNumber() {
-    const { first, count } = this.run.streams[Number(byId("which-stream").value)];
-    const place = Number(byId("which-frame").value) - this.run.frames.number[first];
-    this.chooseByHand(first + Math.min(Math.max(place, 0), count - 1));
+    const { first_id, first_frame, stamp_us } = this.run.streams[Number(byId("which-stream").value)],
+      place = Number(byId("which-frame").value) - first_frame;
+    this.choose(first_id + Math.min(Math.max(place, 0), stamp_us.length - 1));
   }
   chooseBeside(step) {
-    const { first, count } = this.run.streams[this.run.frames.stream[this.selected]];
-    this.chooseByHand(Math.min(Math.max(this.selected + step, first), first + count - 1));
+    const { first_id, stamp_us } = this.run.frames.stream[this.selected];
+    this.choose(Math.min(Math.max(this.selected + step, first_id), first_id + stamp_us.length - 1));
   }
 
-  setMethod(method) {
-    this.method = method;
-    byId("method").value = this.run.methods.indexOf(method);
-    showLegend(this.run, method);
+  // Plays, from the begin on where it is at the end, or pauses.
+  play() {
+    const { begin_us, end_us } = this.run,
+      isPlaying = !this.isPlaying;
+    this.set({ isPlaying, now: isPlaying && this.now >= end_us ? begin_us : this.now });
+    if (isPlaying) requestAnimationFrame((time) => this.tick(time, time));
   }
-  changeMethod(method) {
-    this.setMethod(method);
-    this.choose(this.selected, this.now);
-    this.writeAddress();
+  tick(time, before) {
+    if (!this.isPlaying) return;
+    const now = this.now + Math.min(time - before, 100) * 1000 * Number(byId("speed").value);
+    this.set({ now, isPlaying: now < this.run.end_us });
+    requestAnimationFrame((next) => this.tick(next, time));
   }
 
   followKey(event) {
-    const { now, run } = this,
-      place = run.methods.indexOf(this.method),
+    const { now, run, method } = this,
+      place = run.methods.indexOf(method),
       isOnStreet = event.target.id !== "strip";
     const times = { ArrowLeft: now - STEP_US, ArrowRight: now + STEP_US, Home: run.begin_us, End: run.end_us };
-    const methods = {
-      ArrowUp: run.methods[Math.max(place - 1, 0)],
-      ArrowDown: run.methods[place + 1] ?? this.method,
-    };
+    const methods = { ArrowUp: run.methods[place - 1] ?? method, ArrowDown: run.methods[place + 1] ?? method };
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === " ") this.play(!this.playing);
+    if (event.key === " ") this.play();
     else if (isOnStreet && event.key in times) this.seek(times[event.key]);
-    else if (isOnStreet && event.key in methods) this.changeMethod(methods[event.key]);
+    else if (isOnStreet && event.key in methods) this.set({ method: methods[event.key], isPlaying: false });
     else return;
     event.preventDefault();
   }
@@ -167,24 +147,29 @@ class Replay {
   }
   followAddress() {
     const fields = new URLSearchParams(location.hash.slice(1)),
-      t = Number(fields.get("t") || NaN) * 1e6;
-    if (!Number.isFinite(t)) return false;
-    const { run } = this;
-    this.setMethod(run.methods.find(({ name }) => name === fields.get("method")) ?? this.method);
-    this.choose(Math.max(latestFrame(run, run.cars[0], t), 0), t);
+      now = Number(fields.get("t") || NaN) * 1e6,
+      { run } = this;
+    if (!Number.isFinite(now)) return;
+    const method = run.methods.find(({ name }) => name === fields.get("method")) ?? this.method;
+    this.set({ method, selected: Math.max(latestFrame(run, run.cars[0], now), 0), now, isPlaying: false });
     byId("replay").scrollIntoView({ behavior: "instant" });
-    return true;
   }
+}
+
+// When a frame has its first answer; of one that has none, when it was taken.
+function answeredAt(run, method, id) {
+  return run.frames.stamp_us[id] + Math.max(method.frames.first_answer_us[id], 0);
 }
 
 function showLegend(run, method) {
   const solid = (tone) => ({ fill: `var(--${tone})` });
   const stroke = (tone, broad = 2) => ({ fill: "none", stroke: `var(--${tone})`, "stroke-width": broad });
-  const disc = (look, cx = 8, r = 4.5) => draw("circle", { cx, cy: 7, r, ...look });
-  const box = (look) => draw("rect", { x: 3.5, y: 2.5, width: 9, height: 9, ...look });
-  const slab = (look, height, y) => draw("rect", { x: 1, y, width: 14, height, rx: 2, ...look });
-  const path = (d, look) => draw("path", { d, ...look });
-  const triangle = "M8 2L13 11H3Z";
+  const disc = (look, cx = 8, r = 4.5) => makeSvg("circle", { cx, cy: 7, r, ...look });
+  const box = (look) => makeSvg("rect", { x: 3.5, y: 2.5, width: 9, height: 9, ...look });
+  const slab = (look, height, y) => makeSvg("rect", { x: 1, y, width: 14, height, rx: 2, ...look });
+  const path = (d, look) => makeSvg("path", { d, ...look });
+  const triangle = "M8 2L13 11H3Z",
+    holds = method.held_objects.car.length;
   const signs = [
     [true, method.caches ? "frame on the road: hit" : "frame on the road: answered", disc(solid("hit"))],
     [method.caches, "miss", disc(stroke("miss"))],
@@ -198,21 +183,23 @@ function showLegend(run, method) {
     [run.edges.length, "link of a car to its edge", path("M0 7H16", stroke("line", 1.5))],
     [true, "message to an edge; small: to a car", disc(solid("ink"), 5), disc(solid("ink"), 13, 2.5)],
     [true, "the chosen frame", disc(stroke("ink", 1.5), 8, 6)],
-    [method.heldObjects.begin.length, "held and there", path(triangle, solid("hit"))],
-    [method.heldObjects.begin.length, "false: held, but not there", path("M4 3L12 11M4 11L12 3", stroke("ghost"))],
-    [method.heldObjects.begin.length, "missed: visible, but not held", path(triangle, stroke("hit", 1.5))],
+    [holds, "held and there", path(triangle, solid("hit"))],
+    [holds, "false: held, but not there", path("M4 3L12 11M4 11L12 3", stroke("false"))],
+    [holds, "missed: visible, but not held", path(triangle, stroke("hit", 1.5))],
   ];
   const size = { width: 16, height: 14, "aria-hidden": "true" };
-  const shown = signs.filter(([isShown]) => isShown);
   byId("legend").replaceChildren(
-    ...shown.map(([, text, ...shapes]) => make("span", {}, draw("svg", size, ...shapes), text)),
+    ...signs
+      .filter(([isShown]) => isShown)
+      .map(([, text, ...shapes]) => make("span", {}, makeSvg("svg", size, ...shapes), text)),
   );
   byId("strip-about").textContent =
     `${method.title}: a cell for each frame, in the colour of its outcome; filled where a fresh result came, ` +
     "framed: the chosen one. Click one, or use the arrow keys.";
 }
 
-const shown = unpacked(byId("data").textContent).then(
+// Done when the replay stands in the page.
+export const shown = unpacked(byId("data").textContent).then(
   (replay) => new Replay(decode(replay)),
   () => {
     byId("moment").textContent = OLD_BROWSER;

@@ -5,31 +5,33 @@ A long run does not fit into one page. Then a stretch of it is kept, with every 
 and held object in it, rather than a thinned whole that would show a hit here and hide the next; the
 page says which.
 
-These are the data that the page's script reads (``replay_model.js``). A name ends with its unit; -1
-is unknown, nobody or never; a text in a column is its place in ``names``; a frame's id is its place
-among those of all streams; of columns marked with + the first value is followed by the
-differences::
+These are the data that the page's script reads (``replay_model.js``), which restores columns to
+what the records have: of a column marked with + the first value is followed by the differences; of
+one marked with @ each value is the place of a text in ``names``, -1 for none; and lengths, angles
+and confidences are whole numbers of cm, mrad and 1/10,000 (e4). A name ends with its unit; -1 is
+unknown or never; a frame's id is its place among those of all streams::
 
     begin_us, end_us    the stretch that is shown; instants count from the start of the run
     cars                name, edge, cameras (whether it has any)
     edges               names
     names               all texts of all columns
-    parts               name and title of each part of the time
-    streams             one a camera: car, stream, fov_mrad, first_id and first_frame (the id and
-                        the number of its first frame), lap_ids (the first of each further lap); of
-                        each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
+    parts               the title of each part of the time
+    streams             one a camera: car, stream, horizontal_fov_rad, first_id and first_frame (the
+                        id and the number of its first frame), lap_ids (the first of each further
+                        lap); of each frame stamp_us+, east_cm+, north_cm+, heading_mrad+
     methods             name, title, cars (those that drive under it), and columns:
       frames            by id; since the stamp: received_ns, first_answer_us, result_answer_us,
-                        fresh_answer_us; texts: outcome, source, served_by, drop;
-                        objects_served, objects_result, objects_fresh, bytes_up, bytes_down
-      lookups           in order of time: t_us+, frame_id, genie, kind, outcome, edge and
+                        fresh_answer_us; outcome@, source@, served_by@, drop@; objects_served,
+                        objects_result, objects_fresh, bytes_up, bytes_down
+      lookups           in order of time: t_us+, frame_id, genie@, kind@, outcome@, edge and
                         neighbour (1: on an edge, asked by another edge), requests, hits, updates,
-                        boost_e4 (10,000 times the confidence added), entries
-      held_objects      in order of time: begin_us+, took_us, car, label, judged, east_cm, north_cm
-      steps             answer by answer: frame_id, which, part, place, took_ns
+                        boost_sum_e4, entries
+      held_objects      in order of time: begin_us+, took_us, car@, label@, judged@, east_cm,
+                        north_cm
+      steps             answer by answer: frame_id, which@, part@, place@, took_ns
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -58,6 +60,11 @@ def coded(column: Text, names: Codes) -> list[int]:
     return of_rows
 
 
+def texts(rows: Columns, columns: Sequence[str], names: Codes) -> dict[str, list[int]]:
+    """Columns of texts, packed."""
+    return {f"{name}@": coded(rows[name], names) for name in columns}
+
+
 def scaled(values: "Column", scale: int) -> "Column":
     """Whole numbers of a finer unit."""
     return np.round(values * scale).astype(np.int64)
@@ -74,24 +81,23 @@ def integers(values: "Column") -> "Column":
     return np.nan_to_num(values, nan=UNKNOWN).astype(np.int64)
 
 
-def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
-    """The stretch of the run from ``start_ns`` on that fits into a page; ``None`` of a fleet, and
-    if no poses were written down.
+def replay_data(run: "Run", start_ns: int) -> tuple[dict[str, Any] | None, str]:
+    """The stretch of the run from ``start_ns`` on that fits into a page, and a sentence on what is
+    left out, or empty; ``None`` of a fleet, and if no poses were written down.
     """
     scenario = run.facts["scenario"]
     if scenario.get("fleet") is not None or not run.methods:
-        return None
+        return None, ""
     poses = run.tables["poses"]
     if not len(poses):
-        notes.append("There is no replay: the run holds no poses.")
-        return None
+        return None, "There is no replay: the run holds no poses."
     last_ns = _last_instant_ns(run)
     begin_ns = min(max(start_ns, run.warm_up_ns), int(poses["stamp_ns"].max()))
-    end_ns = _end_ns(run, begin_ns)
+    end_ns, note = _end_ns(run, begin_ns), ""
     if begin_ns > run.warm_up_ns or end_ns < last_ns:
         is_too_large = _end_ns(run, run.warm_up_ns) < last_ns
         why = ": the page would be too large otherwise" if is_too_large else ""
-        notes.append(
+        note = (
             f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
             f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s{why}. "
             "Everything else covers the whole run. Another stretch: "
@@ -100,7 +106,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
     names = Codes()
     poses = _between(poses, "stamp_ns", begin_ns, end_ns)
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
-    return {
+    data = {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
         "cars": [
@@ -118,8 +124,9 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             for method in run.methods
         ],
         "names": list(names),
-        "parts": [(name, title) for name, (title, _) in style.PARTS.items()],
+        "parts": {name: title for name, (title, _) in style.PARTS.items()},
     }
+    return data, note
 
 
 def _of_method(
@@ -211,11 +218,11 @@ def _streams(poses: Columns, frames: Columns) -> Iterator[dict[str, Any]]:
             "first_id": begin,
             "first_frame": int(of_stream["frame"][0]),
             "lap_ids": lap_ids.tolist(),
-            "fov_mrad": round(1000 * float(of_stream["horizontal_fov_rad"][0])),
-            "stamp_us": deltas(of_stream["stamp_ns"] // US),
-            "east_cm": deltas(scaled(of_stream["east_m"], 100)),
-            "north_cm": deltas(scaled(of_stream["north_m"], 100)),
-            "heading_mrad": deltas(scaled(of_stream["heading_rad"], 1000)),
+            "horizontal_fov_rad": round(float(of_stream["horizontal_fov_rad"][0]), 3),
+            "stamp_us+": deltas(of_stream["stamp_ns"] // US),
+            "east_cm+": deltas(scaled(of_stream["east_m"], 100)),
+            "north_cm+": deltas(scaled(of_stream["north_m"], 100)),
+            "heading_mrad+": deltas(scaled(of_stream["heading_rad"], 1000)),
         }
 
 
@@ -251,9 +258,9 @@ def _frames(frames: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
             f"{name}_us": numbers((values - rows["stamp_ns"]) // US)
             for name, values in instants.items()
         },
-        "outcome": numbers(np.array(outcome)),
+        "outcome@": numbers(np.array(outcome)),
         **{
-            name: coded(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names), names)
+            f"{name}@": coded(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names), names)
             for name in ("source", "served_by", "drop")
         },
         **{
@@ -276,11 +283,11 @@ def _lookups(lookups: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     with_pose = with_pose[np.argsort(lookups["t_ns"][with_pose], kind="stable")]
     rows = lookups.rows(with_pose)
     return {
-        "t_us": deltas(rows["t_ns"] // US),
+        "t_us+": deltas(rows["t_ns"] // US),
         "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
-        **{name: coded(rows[name], names) for name in ("genie", "kind", "outcome")},
-        "boost_e4": scaled(rows["boost_sum"], 10_000).tolist(),
+        **texts(rows, ("genie", "kind", "outcome"), names),
+        "boost_sum_e4": scaled(rows["boost_sum"], 10_000).tolist(),
         "frame_id": ids[with_pose].tolist(),
         **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
     }
@@ -297,9 +304,9 @@ def _held_objects(
         "begin_ns"
     )
     return {
-        "begin_us": deltas(rows["begin_ns"] // US),
+        "begin_us+": deltas(rows["begin_ns"] // US),
         "took_us": integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
-        **{name: coded(rows[name], names) for name in ("car", "label", "judged")},
+        **texts(rows, ("car", "label", "judged"), names),
         "east_cm": scaled(rows["east_m"], 100).tolist(),
         "north_cm": scaled(rows["north_m"], 100).tolist(),
     }
@@ -312,6 +319,6 @@ def _steps(steps: Columns, poses: Columns, names: Codes) -> dict[str, Any]:
     rows = steps.rows(with_pose)
     return {
         "frame_id": ids[with_pose].tolist(),
-        **{name: coded(rows[name], names) for name in ("which", "part", "place")},
+        **texts(rows, ("which", "part", "place"), names),
         "took_ns": (rows["end_ns"] - rows["begin_ns"]).tolist(),
     }

@@ -1,39 +1,36 @@
-// Pens and marks of the replay's canvases. Outcomes differ in shape as well as in colour.
-// Uses replay_elements.js, replay_model.js.
+// Canvases, and the marks on them. Outcomes differ in shape as well as in colour.
 
-function prepareCanvas(canvas) {
+import { colour } from "./replay_elements.js";
+import { isFalse } from "./replay_model.js";
+
+const TONES = ["ink", "muted", "line", "bg", "road", "hit", "miss", "coalesced", "none", "car", "false"];
+
+// An empty canvas: its pen, its size [px], and the look, which is the page's colours by their names.
+export function cleared(canvas) {
   const ratio = window.devicePixelRatio || 1,
     { clientWidth: width, clientHeight: height } = canvas;
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  return { pen, width, height };
+  return { pen, width, height, look: Object.fromEntries(TONES.map((name) => [name, colour(name)])) };
 }
 
-const TONES = ["ink", "muted", "line", "bg", "road", "hit", "miss", "coalesced", "none", "car", "ghost"];
-const looks = () => Object.fromEntries(TONES.map((name) => [name, colour(name)]));
-
-function line(pen, from, to, tone, breadth, alpha) {
-  pen.globalAlpha = alpha;
-  pen.strokeStyle = tone;
-  pen.lineWidth = breadth;
+export function drawLine(pen, from, to, strokeStyle, lineWidth, globalAlpha = 1) {
+  Object.assign(pen, { strokeStyle, lineWidth, globalAlpha });
   pen.beginPath();
   pen.moveTo(...from);
   pen.lineTo(...to);
   pen.stroke();
   pen.globalAlpha = 1;
 }
-function label(pen, look, text, x, y, tone) {
-  pen.textAlign = "center";
-  pen.lineWidth = 3;
-  pen.strokeStyle = look.bg;
+export function drawLabel(pen, look, text, x, y, tone) {
+  Object.assign(pen, { textAlign: "center", lineWidth: 3, strokeStyle: look.bg, fillStyle: tone });
   pen.strokeText(text, x, y);
-  pen.fillStyle = tone;
   pen.fillText(text, x, y);
 }
-// Outcomes differ in shape too: a hit is a disc, a miss a ring, a coalesced request a square.
-function mark(pen, look, outcome, x, y, size) {
+// A hit is a disc, a miss a ring, a coalesced request a square.
+export function drawOutcome(pen, look, outcome, x, y, size) {
   pen.fillStyle = pen.strokeStyle = look[outcome];
   pen.lineWidth = 1.1;
   pen.beginPath();
@@ -42,7 +39,7 @@ function mark(pen, look, outcome, x, y, size) {
   if (outcome === "hit" || outcome === "coalesced") pen.fill();
   else pen.stroke();
 }
-function ring(pen, look, outcome, x, y, radius, alpha) {
+export function drawRing(pen, look, outcome, x, y, radius, alpha) {
   pen.globalAlpha = alpha * (outcome === "hit" ? 0.55 : 1);
   pen.fillStyle = pen.strokeStyle = look[outcome];
   pen.lineWidth = 3;
@@ -54,20 +51,19 @@ function ring(pen, look, outcome, x, y, radius, alpha) {
   pen.setLineDash([]);
   pen.globalAlpha = 1;
 }
-// What is held: a filled triangle where it is there, a cross where it is not (a ghost); a hollow triangle is missed.
-function heldMark(pen, look, object, x, y) {
-  const shape = new Path2D(isGhost(object) ? "M-4.4 -4.4L4.4 4.4M-4.4 4.4L4.4 -4.4" : "M0 -5L5 4L-5 4Z");
-  const tone = isGhost(object) ? look.ghost : look.hit;
+// What is held: a filled triangle where it is there, a cross where it is not; a hollow triangle is missed.
+export function drawHeld(pen, look, object, x, y) {
+  const shape = new Path2D(isFalse(object) ? "M-4.4 -4.4L4.4 4.4M-4.4 4.4L4.4 -4.4" : "M0 -5L5 4L-5 4Z");
   pen.save();
   pen.translate(x, y);
   for (const [strokeStyle, lineWidth] of [
     [look.bg, 4.6],
-    [tone, 2],
+    [isFalse(object) ? look.false : look.hit, 2],
   ]) {
     Object.assign(pen, { strokeStyle, lineWidth });
     pen.stroke(shape);
   }
   pen.fillStyle = object.judged === "right" ? look.hit : look.bg;
-  if (!isGhost(object)) pen.fill(shape);
+  if (!isFalse(object)) pen.fill(shape);
   pen.restore();
 }

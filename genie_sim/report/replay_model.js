@@ -1,92 +1,90 @@
-// What a replay knows: frames, look-ups and held objects of every method, found by frame or by instant. The page's
-// data are those that `replay.py` tells of, field by field; instants are microseconds since the start of the run,
-// places metres east and north.
-// Uses replay_elements.js.
+// What a replay knows: frames, look-ups and held objects of every method, found by frame or by instant. All names are
+// those of `replay.py`; instants are microseconds since the start of the run.
 
-const inMs = (us) => `${us < 0 ? "\u2212" : ""}${(Math.abs(us) / 1000).toFixed(1)} ms`;
-const countOf = (objects) => `${objects} object${objects === 1 ? "" : "s"}`;
+import { countText } from "./replay_elements.js";
 
-function undelta(deltas, scale = 1) {
-  let sum = 0;
-  return deltas.map((delta) => (sum += delta) * scale);
+const SCALES = { _cm: ["_m", 0.01], _mrad: ["_rad", 0.001], _e4: ["", 0.0001] };
+
+// The columns as they were before `replay.py` packed them: texts for places in `names` (@), sums for differences (+),
+// metres and radians. What is not packed stays.
+function restored(table, names) {
+  const columns = {};
+  for (const [key, packed] of Object.entries(table)) {
+    const [, name, unit, sign] = /^(.+?)(_cm|_mrad|_e4)?([@+]?)$/.exec(key),
+      [suffix, scale] = SCALES[unit] ?? ["", 1];
+    let sum = 0;
+    let values = packed;
+    if (sign === "@") values = packed.map((place) => names[place]);
+    if (sign === "+") values = packed.map((difference) => (sum += difference));
+    columns[name + suffix] = unit ? values.map((value) => value * scale) : values;
+  }
+  return columns;
 }
 
-// What all functions take, as `decode` makes it of the page's data; what is not named here is as `replay.py` tells it.
+// What all functions take: the page's data, as `replay.py` tells of them, restored; and derived from them
 //
 // `run`:
-//   frames    by id: stamp [us], east, north [m], heading [rad], stream (its place in streams), number (in its stream)
-//   streams   car, name, first (id), count, stamp (of each frame), laps (Set of the ids that begin one), fov [rad]
-//   cars      those with frames: name, edge, cameras, and streams, its own ones
-//   parts     Map of each part's name to its title
-//   names     texts; a code in a column is a place here
-//   methods   of each a `method`
-// `method`:
-//   name, title, cars
-//   rows      the columns of its frames, by id
-//   lookups   columns, with t [us] and of_frame (Map of a frame's id to its rows)
-//   images    the rows of lookups that are of message caches, image_t their instants
-//   steps     columns, with of_frame
-//   messages  all (from, to, begin, end [us], in order of begin), begin (of each), longest (the longest that one took)
+//   frames    the columns of all streams by a frame's id, and of each frame its stream and its number in it
+//   cars      those with frames, and of each its streams
+// each `method` of run.methods:
+//   lookups, steps    and of_frame: a Map of a frame's id to its rows
+//   images    the rows of lookups that are of message caches; image_t_us: their instants
+//   messages  all (from, to, begin_us, end_us, in order of begin_us), begin_us (of each), longest_us (that one took)
 //   caches    whether any frame was looked up in a message cache
-//   heldObjects   columns, with begin [us]
-function decode(replay) {
-  const frames = { stamp: [], east: [], north: [], heading: [], stream: [], number: [] };
-  const streams = replay.streams.map((of, index) => {
-    const stamp = undelta(of.stamp_us);
-    frames.stamp.push(...stamp);
-    frames.east.push(...undelta(of.east_cm, 0.01));
-    frames.north.push(...undelta(of.north_cm, 0.01));
-    frames.heading.push(...undelta(of.heading_mrad, 0.001));
-    stamp.forEach((_, i) => {
-      frames.stream.push(index);
-      frames.number.push(of.first_frame + i);
-    });
-    const laps = new Set(of.lap_ids),
-      fov = of.fov_mrad / 1000;
-    return { car: of.car, name: of.stream, first: of.first_id, count: stamp.length, stamp, laps, fov };
-  });
+export function decode(replay) {
+  const streams = replay.streams
+    .map((stream) => restored(stream, replay.names))
+    .map((stream) => ({ ...stream, lap_ids: new Set(stream.lap_ids) }));
+  const columns = ["stamp_us", "east_m", "north_m", "heading_rad"].map((name) => [
+    name,
+    streams.flatMap((stream) => stream[name]),
+  ]);
+  const frames = {
+    ...Object.fromEntries(columns),
+    stream: streams.flatMap((stream) => stream.stamp_us.map(() => stream)),
+    number: streams.flatMap(({ first_frame, stamp_us }) => stamp_us.map((_, place) => first_frame + place)),
+  };
   const cars = replay.cars
     .map((car) => ({ ...car, streams: streams.filter((stream) => stream.car === car.name) }))
     .filter((car) => car.streams.length);
-  const run = { ...replay, parts: new Map(replay.parts), frames, streams, cars };
-  run.methods = replay.methods.map((of) => methodOf(run, of));
-  return run;
+  const methods = replay.methods.map((method) => methodOf(replay.names, frames, method));
+  return { ...replay, streams, frames, cars, methods };
 }
 
-// What happened under one method. `rows` are the columns of its frames.
-function methodOf(run, { frames: rows, lookups: { t_us, ...columns }, held_objects, steps, ...about }) {
-  const lookups = { ...columns, t: undelta(t_us), of_frame: byFrame(columns.frame_id) };
-  const images = lookups.kind.flatMap((kind, row) => (run.names[kind] === "image" ? [row] : []));
+function methodOf(names, run_frames, method) {
+  const [frames, lookups, held_objects, steps] = ["frames", "lookups", "held_objects", "steps"].map((name) =>
+    restored(method[name], names),
+  );
+  const images = lookups.kind.flatMap((kind, row) => (kind === "image" ? [row] : []));
   return {
-    ...about,
-    rows,
-    lookups,
+    ...method,
+    frames,
+    held_objects,
+    lookups: { ...lookups, of_frame: byFrame(lookups.frame_id) },
     steps: { ...steps, of_frame: byFrame(steps.frame_id) },
     images,
-    image_t: images.map((row) => lookups.t[row]),
-    caches: rows.outcome.some((outcome) => outcome >= 0),
-    messages: messagesOf(run, rows, steps),
-    heldObjects: { ...held_objects, begin: undelta(held_objects.begin_us) },
+    image_t_us: images.map((row) => lookups.t_us[row]),
+    caches: frames.outcome.some(Boolean),
+    messages: messagesOf(run_frames, frames, steps),
   };
 }
 
 // The messages on the way of the answers, in order of time: from where to where each went over a link, and when.
-function messagesOf(run, rows, steps) {
+function messagesOf({ stamp_us }, { received_ns }, { frame_id, which, part, place, took_ns }) {
   const messages = new Map();
   let t = 0;
-  steps.frame_id.forEach((id, row) => {
-    const goesOn = row > 0 && steps.frame_id[row - 1] === id && steps.which[row - 1] === steps.which[row];
-    const begin = goesOn ? t : run.frames.stamp[id] + Math.max(rows.received_ns[id], 0) / 1000;
-    t = begin + steps.took_ns[row] / 1000;
-    const place = run.names[steps.place[row]],
-      [from, to] = place.split("->");
-    if (to === undefined || run.names[steps.part[row]] === "queueing") return;
+  frame_id.forEach((id, row) => {
+    const goesOn = row > 0 && frame_id[row - 1] === id && which[row - 1] === which[row];
+    const begin_us = goesOn ? t : stamp_us[id] + Math.max(received_ns[id], 0) / 1000;
+    t = begin_us + took_ns[row] / 1000;
+    const [from, to] = place[row].split("->");
+    if (to === undefined || part[row] === "queueing") return;
     // One message may be on the way of both answers to a frame.
-    messages.set(`${place} ${id} ${Math.round(begin)}`, { from, to, begin, end: t });
+    messages.set(`${place[row]} ${id} ${Math.round(begin_us)}`, { from, to, begin_us, end_us: t });
   });
-  const all = [...messages.values()].sort((a, b) => a.begin - b.begin);
-  const longest = Math.max(0, ...all.map(({ begin, end }) => end - begin));
-  return { all, begin: all.map(({ begin }) => begin), longest };
+  const all = [...messages.values()].sort((a, b) => a.begin_us - b.begin_us);
+  const longest_us = all.reduce((longest, { begin_us, end_us }) => Math.max(longest, end_us - begin_us), 0);
+  return { all, begin_us: all.map(({ begin_us }) => begin_us), longest_us };
 }
 
 function byFrame(ids) {
@@ -98,90 +96,101 @@ function byFrame(ids) {
   return rows;
 }
 
-// What consumers hold or miss at `t`, judged by what is there: the rows that are open then.
-function heldObjectsAt(run, { heldObjects: rows }, t) {
-  const open = [];
-  for (let row = 0, last = lastUpTo(rows.begin, t); row <= last; row += 1) {
-    if (rows.took_us[row] >= 0 && t >= rows.begin[row] + rows.took_us[row]) continue;
-    open.push({
-      car: run.names[rows.car[row]],
-      label: run.names[rows.label[row]],
-      judged: run.names[rows.judged[row]],
-      since: rows.begin[row],
-      east: rows.east_cm[row] / 100,
-      north: rows.north_cm[row] / 100,
-    });
-  }
-  return open;
+// One row of a table.
+export function rowOf(columns, row) {
+  return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, column[row]]));
 }
-const GHOSTS = {
+
+// The index of the last value that is not above `x`, or -1.
+export function lastUpTo(values, x) {
+  let low = 0,
+    high = values.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= x) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+// What consumers hold or miss at `t`, judged by what is there: the rows that are open then. What several cameras of a
+// car see has a row for each, and counts once.
+export function heldObjectsAt({ held_objects }, t) {
+  const { begin_us, took_us } = held_objects,
+    open = new Map();
+  for (let row = 0, last = lastUpTo(begin_us, t); row <= last; row += 1) {
+    if (took_us[row] >= 0 && t >= begin_us[row] + took_us[row]) continue;
+    const object = rowOf(held_objects, row),
+      key = [object.car, object.label, object.judged, object.east_m, object.north_m].join();
+    if (!open.has(key)) open.set(key, object);
+  }
+  return [...open.values()];
+}
+
+const WHY_FALSE = {
   moved_away: "it was there in the last 10 s",
   never_there: "it was not there in the last 10 s",
   duplicate: "what is there is held once more",
 };
-const isGhost = ({ judged }) => judged in GHOSTS;
+export const isFalse = ({ judged }) => judged in WHY_FALSE;
 
-function heldText({ car, judged }) {
-  if (judged in GHOSTS) return `a false object that ${car} holds:\n${GHOSTS[judged]}`;
+export function heldText({ car, judged }) {
+  if (judged in WHY_FALSE) return `a false object that ${car} holds:\n${WHY_FALSE[judged]}`;
   return judged === "missed" ? `visible, but not held by ${car}` : `held by ${car}, and there`;
 }
 
 // What all cars together hold at `t`, in words.
-function countsText(run, method, t) {
+export function countsText(method, t) {
   const at = `${(t / 1e6).toFixed(2)} s under ${method.title}`;
-  if (!method.heldObjects.begin.length) return `${at}.`;
-  const objects = heldObjectsAt(run, method, t),
-    ghosts = objects.filter(isGhost).length;
+  if (!method.held_objects.car.length) return `${at}.`;
+  const objects = heldObjectsAt(method, t),
+    wrong = objects.filter(isFalse).length;
   const count = (judged) => objects.filter((object) => object.judged === judged).length,
     right = count("right");
   return (
-    `${at}: the cars hold ${countOf(right)} that ${right === 1 ? "is" : "are"} there ` +
-    `and ${ghosts} false one${ghosts === 1 ? "" : "s"}, and miss ${count("missed")} in view.`
+    `${at}: the cars hold ${countText(right)} that ${right === 1 ? "is" : "are"} there ` +
+    `and ${wrong} false one${wrong === 1 ? "" : "s"}, and miss ${count("missed")} in view.`
   );
 }
 
 // Whether the frame's car drives under this method.
-function isDriven(run, method, id) {
-  return method.cars.includes(run.streams[run.frames.stream[id]].car);
-}
+export const isDriven = (run, method, id) => method.cars.includes(run.frames.stream[id].car);
 
 // hit, miss or coalesced at the car's Genie; where there is none, whether it was answered.
-function outcomeOf(run, { rows }, id) {
-  if (rows.outcome[id] >= 0) return run.names[rows.outcome[id]];
-  return rows.first_answer_us[id] >= 0 ? "hit" : "none";
+export function outcomeOf({ frames: { outcome, first_answer_us } }, id) {
+  return outcome[id] ?? (first_answer_us[id] >= 0 ? "hit" : "none");
 }
-function outcomeText(run, method, id) {
-  const outcome = outcomeOf(run, method, id);
+export function outcomeText(run, method, id) {
   if (!isDriven(run, method, id)) return "the car does not drive under this method";
-  return outcome === "none" ? "no answer" : method.rows.outcome[id] >= 0 ? outcome : "answered";
+  return method.frames.outcome[id] ?? (outcomeOf(method, id) === "none" ? "no answer" : "answered");
 }
 
 // Where a car is at `t`, between two of its frames.
-function carAt(run, car, t) {
-  const { stamp, first, count, laps, fov } = car.streams[0],
-    i = lastUpTo(stamp, t),
-    { east, north, heading } = run.frames;
-  const id = first + Math.max(i, 0),
+export function carAt({ frames: { east_m, north_m, heading_rad } }, car, t) {
+  const { stamp_us, first_id, lap_ids } = car.streams[0],
+    place = lastUpTo(stamp_us, t),
+    id = first_id + Math.max(place, 0),
     next = id + 1;
-  const here = { east: east[id], north: north[id], heading: heading[id], fov, there: i >= 0 };
-  if (i < 0 || i + 1 >= count) return { ...here, there: i >= 0 && t - stamp[i] < 1e6 };
-  if (laps.has(next)) return here;
-  const share = (t - stamp[i]) / (stamp[i + 1] - stamp[i]);
-  const turn = Math.atan2(Math.sin(heading[next] - here.heading), Math.cos(heading[next] - here.heading));
+  const here = { east_m: east_m[id], north_m: north_m[id], heading_rad: heading_rad[id], isThere: place >= 0 };
+  if (place < 0) return here;
+  if (place + 1 >= stamp_us.length) return { ...here, isThere: t - stamp_us[place] < 1e6 };
+  if (lap_ids.has(next)) return here;
+  const share = (t - stamp_us[place]) / (stamp_us[place + 1] - stamp_us[place]),
+    turn = heading_rad[next] - here.heading_rad;
   return {
     ...here,
-    east: here.east + share * (east[next] - here.east),
-    north: here.north + share * (north[next] - here.north),
-    heading: here.heading + share * turn,
+    east_m: here.east_m + share * (east_m[next] - here.east_m),
+    north_m: here.north_m + share * (north_m[next] - here.north_m),
+    heading_rad: here.heading_rad + share * Math.atan2(Math.sin(turn), Math.cos(turn)),
   };
 }
 
 // The newest frame that a car has taken by `t`, -1 for none.
-function latestFrame(run, car, t) {
-  let best = -1;
-  for (const { stamp, first } of car.streams) {
-    const i = lastUpTo(stamp, t);
-    if (i >= 0 && (best < 0 || stamp[i] > run.frames.stamp[best])) best = first + i;
+export function latestFrame(run, car, t) {
+  let latest = -1;
+  for (const { stamp_us, first_id } of car.streams) {
+    const place = lastUpTo(stamp_us, t);
+    if (place >= 0 && (latest < 0 || stamp_us[place] > run.frames.stamp_us[latest])) latest = first_id + place;
   }
-  return best;
+  return latest;
 }

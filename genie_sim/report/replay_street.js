@@ -1,5 +1,7 @@
 // The street from above at one instant of simulated time, under one method.
-// Uses replay_elements.js, replay_model.js, replay_canvas.js.
+
+import { cleared, drawHeld, drawLabel, drawLine, drawOutcome, drawRing } from "./replay_canvas.js";
+import { carAt, heldObjectsAt, heldText, isFalse, lastUpTo, latestFrame, outcomeOf } from "./replay_model.js";
 
 const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
 const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
@@ -25,7 +27,7 @@ function bounds(points, held, axis, margin) {
 
 // The direction [rad from east] of the longer side of the drive, the way the first car drives.
 function directionOf(run, e0, n0) {
-  const { east, north } = run.frames;
+  const { east_m: east, north_m: north } = run.frames;
   let ee = 0,
     en = 0,
     nn = 0;
@@ -35,15 +37,15 @@ function directionOf(run, e0, n0) {
     en += (east[i] - e0) * (north[i] - n0);
   }
   const axis = 0.5 * Math.atan2(2 * en, ee - nn);
-  const { first, count } = run.streams[0],
-    last = first + count - 1;
+  const { first_id: first, stamp_us } = run.streams[0],
+    last = first + stamp_us.length - 1;
   const along = (east[last] - east[first]) * Math.cos(axis) + (north[last] - north[first]) * Math.sin(axis);
   return along < 0 ? axis + Math.PI : axis;
 }
 
 // Turns the street so that it uses the canvas well: where a place [m] is on it, how long a metre is, and the turn.
-function viewOf(run, width, height) {
-  const { east, north } = run.frames,
+export function viewOf(run, width, height) {
+  const { east_m: east, north_m: north } = run.frames,
     mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
   const e0 = mean(east),
     n0 = mean(north),
@@ -55,8 +57,8 @@ function viewOf(run, width, height) {
   const rotate = (e, n) => [(e - e0) * cos - (n - n0) * sin, (e - e0) * sin + (n - n0) * cos];
   const [marginX, marginY] = isWide ? [9, 4] : [4, 9]; // metres around the drive
   const points = east.map((value, i) => rotate(value, north[i]));
-  const held = run.methods.flatMap(({ heldObjects: { east_cm, north_cm } }) =>
-    east_cm.map((cm, row) => rotate(cm / 100, north_cm[row] / 100)),
+  const held = run.methods.flatMap(({ held_objects: { east_m, north_m } }) =>
+    east_m.map((value, row) => rotate(value, north_m[row])),
   );
   const [x0, x1] = bounds(points, held, 0, marginX),
     [y0, y1] = bounds(points, held, 1, marginY);
@@ -70,10 +72,10 @@ function viewOf(run, width, height) {
   return { place, scale, turn };
 }
 
-// `options` says what is shown, and takes the frame that is chosen; see `Replay`.
-class Street {
-  constructor(run, canvas, tip, options) {
-    Object.assign(this, { run, canvas, tip, options, size: "", held: [], places: {} });
+// `choose` takes the id of the frame that is chosen in it.
+export class Street {
+  constructor(run, canvas, tip, choose) {
+    Object.assign(this, { run, canvas, tip, choose, size: "", held: [], places: {}, now: 0 });
     canvas.addEventListener("pointermove", (event) => this.showTip(event));
     canvas.addEventListener("pointerleave", () => {
       tip.hidden = true;
@@ -81,89 +83,86 @@ class Street {
     canvas.addEventListener("click", (event) => this.chooseCar(event));
   }
 
-  paint(t) {
+  // `state`: now [us]; method; selected, the id of the chosen frame; speed, simulated time in a watcher's second [s];
+  // and whether it has a trail of outcomes, the views of cameras, and heldObjects.
+  paint({ now, method, selected, speed, trail, views, heldObjects }) {
     this.tip.hidden = true; // of what stood here before
-    const { run, options } = this,
-      { pen, width, height } = prepareCanvas(this.canvas);
+    const { run } = this,
+      { pen, look, width, height } = cleared(this.canvas);
     if (this.size !== `${width} ${height}`) this.view = viewOf(run, width, height);
-    this.size = `${width} ${height}`;
-    Object.assign(this, { pen, look: looks(), method: options.method(), held: [] });
+    Object.assign(this, { pen, look, now, method, held: [], size: `${width} ${height}` });
     pen.font = "12px system-ui, sans-serif";
     pen.lineCap = pen.lineJoin = "round";
-    const cars = run.cars.map((car) => ({ car, at: carAt(run, car, t) }));
-    this.places = Object.fromEntries(cars.map(({ car, at }) => [car.name, this.view.place(at.east, at.north)]));
+    const cars = run.cars.map((car) => ({ car, at: carAt(run, car, now) }));
+    this.places = Object.fromEntries(cars.map(({ car, at }) => [car.name, this.view.place(at.east_m, at.north_m)]));
     run.edges.forEach((edge, i) => {
       this.places[edge] = [((i + 0.5) * width) / run.edges.length, 22];
     });
 
-    for (const {
-      streams: [stream],
-    } of run.cars)
-      this.drawRoad(stream);
-    if (options.trail()) run.cars.forEach((car, lane) => this.drawTrail(car, lane, t));
-    if (options.heldObjects()) this.drawHeldObjects(t);
-    if (options.views()) for (const { car, at } of cars) if (car.cameras && at.there) this.drawView(at);
-    this.drawLookups(t);
-    if (options.selected() >= 0) this.drawChosen(options.selected());
-    this.drawMessages(t);
+    for (const { streams } of run.cars) this.drawRoad(streams[0]);
+    if (trail) run.cars.forEach((car, lane) => this.drawTrail(car, lane));
+    if (heldObjects) this.drawHeldObjects(width, height);
+    if (views) for (const { car, at } of cars) if (car.cameras && at.isThere) this.drawView(car, at);
+    this.drawLookups(Math.max(HOLD_US * speed, 45000), width);
+    this.drawChosen(selected);
+    this.drawMessages(LEAST_US * speed);
     const names = []; // that are written
     for (const { car, at } of cars) this.drawCar(car, at, names);
     for (const edge of run.edges) this.drawEdge(edge, width);
     this.drawScale(width, height);
   }
 
-  drawRoad(stream) {
-    const {
-      pen,
-      view,
-      run: { frames },
-    } = this;
+  // Where a frame was taken.
+  placeOf(id) {
+    const { east_m, north_m } = this.run.frames;
+    return this.view.place(east_m[id], north_m[id]);
+  }
+
+  drawRoad({ first_id, stamp_us, lap_ids }) {
+    const { pen } = this;
     pen.strokeStyle = this.look.road;
-    pen.lineWidth = Math.max(4 * view.scale, 8);
+    pen.lineWidth = Math.max(4 * this.view.scale, 8);
     pen.beginPath();
-    for (let i = 0; i < stream.count; i += 1) {
-      const id = stream.first + i,
-        place = view.place(frames.east[id], frames.north[id]);
-      if (i === 0 || stream.laps.has(id)) pen.moveTo(...place);
-      else pen.lineTo(...place);
+    for (let id = first_id; id < first_id + stamp_us.length; id += 1) {
+      if (id === first_id || lap_ids.has(id)) pen.moveTo(...this.placeOf(id));
+      else pen.lineTo(...this.placeOf(id));
     }
     pen.stroke();
   }
 
   // Each car paints a lane of its own: one dot a frame, where it was taken, in the colour of its outcome.
-  drawTrail(car, lane, t) {
-    const { run, view } = this,
-      { cars, frames } = run;
-    const aside = (lane - (cars.length - 1) / 2) * Math.min(7, 42 / cars.length);
-    for (const { first, stamp } of car.streams) {
-      const until = lastUpTo(stamp, t);
-      for (let i = Math.max(0, lastUpTo(stamp, t - TRAIL_US)); i <= until; i += 1) {
-        const id = first + i,
-          heading = frames.heading[id] + view.turn;
-        const [x, y] = view.place(frames.east[id], frames.north[id]),
-          outcome = outcomeOf(run, this.method, id);
-        mark(this.pen, this.look, outcome, x - Math.sin(heading) * aside, y - Math.cos(heading) * aside, 2.2);
+  drawTrail(car, lane) {
+    const { run, now } = this;
+    const aside = (lane - (run.cars.length - 1) / 2) * Math.min(7, 42 / run.cars.length);
+    for (const { first_id, stamp_us } of car.streams) {
+      const until = lastUpTo(stamp_us, now);
+      for (let place = Math.max(0, lastUpTo(stamp_us, now - TRAIL_US)); place <= until; place += 1) {
+        const id = first_id + place,
+          heading = run.frames.heading_rad[id] + this.view.turn,
+          [x, y] = this.placeOf(id),
+          outcome = outcomeOf(this.method, id);
+        drawOutcome(this.pen, this.look, outcome, x - Math.sin(heading) * aside, y - Math.cos(heading) * aside, 2.2);
       }
     }
   }
 
-  // Ghosts come last: they lie on top.
-  drawHeldObjects(t) {
-    const { clientWidth, clientHeight } = this.canvas;
-    for (const object of heldObjectsAt(this.run, this.method, t).sort((a, b) => isGhost(a) - isGhost(b))) {
-      const [x, y] = this.view.place(object.east, object.north);
-      if (x < 0 || x > clientWidth || y < EDGE_BAND - 10 || y > clientHeight) continue;
-      const text = `${object.label}: ${heldText(object)}\nsince ${(object.since / 1e6).toFixed(2)} s`;
+  // False objects come last: they lie on top.
+  drawHeldObjects(width, height) {
+    for (const object of heldObjectsAt(this.method, this.now).sort((a, b) => isFalse(a) - isFalse(b))) {
+      const [x, y] = this.view.place(object.east_m, object.north_m);
+      if (x < 0 || x > width || y < EDGE_BAND - 10 || y > height) continue;
+      const text = `${object.label}: ${heldText(object)}\nsince ${(object.begin_us / 1e6).toFixed(2)} s`;
       this.held.push({ x, y, text });
-      heldMark(this.pen, this.look, object, x, y);
+      drawHeld(this.pen, this.look, object, x, y);
     }
   }
 
   // A car's field of view.
-  drawView(at) {
+  drawView({ name, streams }, { heading_rad }) {
     const { pen, view } = this,
-      [x, y] = view.place(at.east, at.north);
-    const heading = at.heading + view.turn,
+      [x, y] = this.places[name],
+      heading = heading_rad + view.turn,
+      half = streams[0].horizontal_fov_rad / 2,
       reach = 22 * view.scale;
     const shade = pen.createRadialGradient(x, y, 0, x, y, reach);
     shade.addColorStop(0, `color-mix(in srgb, ${this.look.car} 22%, transparent)`);
@@ -171,7 +170,7 @@ class Street {
     pen.fillStyle = shade;
     pen.beginPath();
     pen.moveTo(x, y);
-    pen.arc(x, y, reach, -heading - at.fov / 2, -heading + at.fov / 2);
+    pen.arc(x, y, reach, -heading - half, -heading + half);
     pen.fill();
   }
 
@@ -181,9 +180,9 @@ class Street {
     const length = Math.max(4.4 * view.scale, 20),
       breadth = length * 0.42;
     pen.save();
-    pen.globalAlpha = at.there ? 1 : 0.35;
+    pen.globalAlpha = at.isThere ? 1 : 0.35;
     pen.translate(x, y);
-    pen.rotate(-(at.heading + view.turn));
+    pen.rotate(-(at.heading_rad + view.turn));
     Object.assign(pen, { fillStyle: look.car, strokeStyle: look.bg, lineWidth: 1.5 });
     pen.beginPath();
     pen.roundRect(-length / 2, -breadth / 2, length, breadth, breadth / 3);
@@ -201,7 +200,7 @@ class Street {
       Math.abs(other.x - name.x) < other.half + name.half && Math.abs(other.y - name.y) < NAME_PX;
     while (names.some(hides)) name.y -= NAME_PX;
     names.push(name);
-    label(pen, look, car.name, name.x, name.y, at.there ? look.ink : look.muted);
+    drawLabel(pen, look, car.name, name.x, name.y, at.isThere ? look.ink : look.muted);
   }
 
   drawEdge(edge, width) {
@@ -220,57 +219,49 @@ class Street {
     pen.restore();
   }
 
-  // The links of cars to their edges, and what was looked up a moment ago.
-  drawLookups(t) {
-    const { run, pen, look, places } = this,
-      { lookups, images, image_t } = this.method;
-    const hold = Math.max(HOLD_US * this.options.speed(), 45000);
-    for (const car of run.cars) if (places[car.edge]) line(pen, places[car.name], places[car.edge], look.line, 1, 1);
-    for (let i = lastUpTo(image_t, t - hold) + 1; i < images.length && image_t[i] <= t; i += 1) {
+  // The links of cars to their edges, and what was looked up less than `hold_us` ago.
+  drawLookups(hold_us, width) {
+    const { run, pen, look, places, now } = this,
+      { lookups, images, image_t_us } = this.method;
+    for (const car of run.cars) if (places[car.edge]) drawLine(pen, places[car.name], places[car.edge], look.line, 1);
+    for (let i = lastUpTo(image_t_us, now - hold_us) + 1; i < images.length && image_t_us[i] <= now; i += 1) {
       const row = images[i],
-        outcome = run.names[lookups.outcome[row]],
-        left = 1 - (t - image_t[i]) / hold;
-      const place = places[run.names[lookups.genie[row]].split("/")[0]];
-      const camera = run.streams[run.frames.stream[lookups.frame_id[row]]];
-      const car = run.cars.find(({ name }) => name === camera.car);
+        outcome = lookups.outcome[row],
+        left = 1 - (now - image_t_us[i]) / hold_us,
+        place = places[lookups.genie[row].split("/")[0]],
+        camera = run.frames.stream[lookups.frame_id[row]],
+        car = run.cars.find(({ name }) => name === camera.car);
       if (!place || !car) continue;
       if (lookups.neighbour[row]) {
-        if (car.edge && outcome === "hit") line(pen, places[car.edge], place, look[outcome], 2, left);
+        if (car.edge && outcome === "hit") drawLine(pen, places[car.edge], place, look[outcome], 2, left);
       } else if (lookups.edge[row]) {
-        line(pen, places[car.name], place, look[outcome], 2.5, left);
+        drawLine(pen, places[car.name], place, look[outcome], 2.5, left);
         Object.assign(pen, { globalAlpha: left, fillStyle: look[outcome] });
-        const half = Math.min(58, this.canvas.clientWidth / run.edges.length / 2 - 1);
+        const half = Math.min(58, width / run.edges.length / 2 - 1);
         pen.fillRect(place[0] - half, place[1] - 19, 2 * half, 38);
         pen.globalAlpha = 1;
-      } else ring(pen, look, outcome, ...place, 32 - 20 * left, left);
+      } else drawRing(pen, look, outcome, ...place, 32 - 20 * left, left);
     }
   }
 
   drawChosen(id) {
-    const {
-      pen,
-      run: { frames },
-    } = this;
+    const { pen } = this;
     Object.assign(pen, { strokeStyle: this.look.ink, lineWidth: 1.5 });
     pen.beginPath();
-    pen.arc(...this.view.place(frames.east[id], frames.north[id]), 9, 0, 2 * Math.PI);
+    pen.arc(...this.placeOf(id), 9, 0, 2 * Math.PI);
     pen.stroke();
   }
 
-  // A dot on its way along each link: large to an edge, with a picture; small with an answer.
-  drawMessages(t) {
-    const {
-        pen,
-        look,
-        places,
-        run: { edges },
-      } = this,
-      { all, begin, longest } = this.method.messages;
-    const least = LEAST_US * this.options.speed();
+  // A dot on its way along each link, for `least_us` at least: large to an edge, with a picture; small with an answer.
+  drawMessages(least_us) {
+    const { pen, look, places, now } = this,
+      { edges } = this.run,
+      { all, begin_us, longest_us } = this.method.messages;
     Object.assign(pen, { fillStyle: look.ink, strokeStyle: look.bg, lineWidth: 1.5 });
-    for (let i = lastUpTo(begin, t - Math.max(longest, least)) + 1; i < all.length && begin[i] <= t; i += 1) {
-      const { from, to, end } = all[i],
-        share = (t - begin[i]) / Math.max(end - begin[i], least);
+    const before = lastUpTo(begin_us, now - Math.max(longest_us, least_us));
+    for (let i = before + 1; i < all.length && begin_us[i] <= now; i += 1) {
+      const { from, to, end_us } = all[i],
+        share = (now - begin_us[i]) / Math.max(end_us - begin_us[i], least_us);
       if (share > 1 || !places[from]) continue;
       for (const goal of places[to] ? [to] : edges.filter((name) => name !== from)) {
         const [x, y] = places[from],
@@ -286,14 +277,11 @@ class Street {
 
   // A bar of so many metres, and an arrow to the north.
   drawScale(width, height) {
-    const {
-        pen,
-        view: { scale, turn },
-      } = this,
+    const { pen, look } = this,
+      { scale, turn } = this.view,
       metres = BARS_M.find((length) => length * scale >= 70) || 10000;
-    pen.strokeStyle = pen.fillStyle = this.look.muted;
-    line(pen, [14, height - 14], [14 + metres * scale, height - 14], this.look.muted, 1.5, 1);
-    pen.textAlign = "left";
+    drawLine(pen, [14, height - 14], [14 + metres * scale, height - 14], look.muted, 1.5);
+    Object.assign(pen, { fillStyle: look.muted, textAlign: "left" });
     pen.fillText(`${metres} m`, 16, height - 19);
     pen.save();
     pen.translate(width - 26, height - 28);
@@ -309,7 +297,7 @@ class Street {
     const { tip } = this,
       { left, top, width } = this.canvas.getBoundingClientRect();
     const away = ({ x, y }) => Math.hypot(x - event.clientX + left, y - event.clientY + top);
-    const nearest = this.held.filter((shown) => away(shown) <= 12).sort((a, b) => away(a) - away(b))[0];
+    const [nearest] = this.held.filter((mark) => away(mark) <= 12).sort((a, b) => away(a) - away(b));
     tip.hidden = !nearest;
     if (!nearest) return;
     tip.textContent = nearest.text;
@@ -323,7 +311,7 @@ class Street {
     const away = ({ name }) =>
       Math.hypot(this.places[name][0] - event.clientX + left, this.places[name][1] - event.clientY + top);
     const [nearest] = [...this.run.cars].sort((a, b) => away(a) - away(b));
-    const id = nearest ? latestFrame(this.run, nearest, this.options.now()) : -1;
-    if (id >= 0) this.options.choose(id);
+    const id = latestFrame(this.run, nearest, this.now);
+    if (id >= 0) this.choose(id);
   }
 }

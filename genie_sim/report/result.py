@@ -4,24 +4,22 @@ and several of them, compared.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from genie_sim.analysis import registry
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
-from genie_sim.record import provenance, results
+from genie_sim.record.results import Run
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
     from genie_sim.analysis.compare import Comparable, ComparedRuns
-    from genie_sim.analysis.seed_runs import SeedRuns
 
 Value = TypeVar("Value")
 
@@ -45,7 +43,7 @@ class Result(ABC):
 
     @property
     @abstractmethod
-    def cells(self) -> Mapping[str, Mapping[int, results.Run]]:
+    def cells(self) -> Mapping[str, Mapping[int, Run]]:
         """By its name each setting that was simulated, as runs by seed; one that is all there is
         has no name.
         """
@@ -105,7 +103,7 @@ class Comparison:
 
     Parameters
     ----------
-    results_ : sequence of Comparable
+    results : sequence of Comparable
         What is compared; the first is what the others are compared with. Of one alone, see
         ``analysis.compare.compare``.
     methods : sequence of str
@@ -118,12 +116,12 @@ class Comparison:
 
     def __init__(
         self,
-        results_: "Sequence[Comparable]",
+        results: "Sequence[Comparable]",
         methods: Sequence[str] = (),
         labels: Sequence[str] = (),
         metrics: Sequence[str] = (),
     ) -> None:
-        self._results, self._methods, self._labels = results_, methods, labels
+        self._results, self._methods, self._labels = results, methods, labels
         self._metrics = metrics
 
     def __repr__(self) -> str:
@@ -157,8 +155,8 @@ class Comparison:
         """What differs: a row per setting, a column per result."""
         import pandas as pd
 
-        made = self.compared
-        return pd.DataFrame.from_dict(dict(made.settings), orient="index", columns=list(made.names))
+        settings, names = dict(self.compared.settings), list(self.compared.names)
+        return pd.DataFrame.from_dict(settings, orient="index", columns=names)
 
     @property
     def verdicts(self) -> list[str]:
@@ -182,10 +180,11 @@ class Comparison:
         from genie_sim.analysis.compare import as_metrics
         from genie_sim.analysis.points import metric_values
 
-        made = self.compared
-        metrics, methods = as_metrics(made, [name])
+        comparison = self.compared
+        metrics, methods = as_metrics(comparison, [name])
         if metrics or name in registry.METRICS:
-            return metric_values(name, metrics, methods, made.by, width_in, own=made.words)
+            about = methods, comparison.by, width_in
+            return metric_values(name, metrics, *about, own=comparison.words)
         return named(name, self.figures(width_in))
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
@@ -205,85 +204,6 @@ class Comparison:
         from genie_sim.report import notebook
 
         return notebook.comparison_html(self.compared)
-
-
-def cells_of(
-    table: "pd.DataFrame",
-    by: Sequence[str],
-    methods: Sequence[results.MethodInfo],
-    *,
-    name: str,
-    genie_sim: str,
-    origin: object,
-    label: str = "",
-    words: registry.Words | None = None,
-) -> dict[str, dict[int, results.Run]]:
-    """The cells of a table of numbers: runs that have these, and no tables.
-
-    Parameters
-    ----------
-    table : DataFrame
-        A row for each seed and number: its columns are ``seed`` and fields of ``MetricValue``. Only
-        numbers of methods as a whole are taken.
-    by : sequence of str
-        The columns that say which cell it is; their names and values name it.
-    methods : sequence of MethodInfo
-        Those that ran.
-    name : str
-        Of what these are the cells, in the place of a scenario's name.
-    genie_sim : str
-        The version that made them.
-    origin : object
-        What the numbers were made from, as plain JSON values; it gives the runs their id.
-    label : str
-        What the user calls them; empty: by their name.
-    words : mapping, optional
-        What is said of metrics of the user's own.
-    """
-    facts = {
-        "scenario": {"name": name},
-        "devices": {},
-        "genie_sim": genie_sim,
-        "methods": [asdict(method) for method in methods],
-    }
-    run_id = provenance.run_id({"origin": origin})
-    like = results.Run(run_id, facts, "", tables={}, measured=(), label=label, words=words or {})
-    whole = table[(table["placement"] == "all") & (table["component"] == "")]
-    fields = [field for field in results.METRIC_FIELDS if field in whole]
-    rows = whole[[*by, "seed", *fields]].astype(object)
-    numbers: dict[tuple[Any, ...], list[results.MetricValue]] = {}
-    for row in rows.where(rows.notna(), None).itertuples(index=False, name=None):
-        place, number = row[: len(by) + 1], row[len(by) + 1 :]
-        numbers.setdefault(place, []).append(
-            results.MetricValue(**{"unit": "", **dict(zip(fields, number, strict=True))})
-        )
-    cells: dict[str, dict[int, results.Run]] = {}
-    for (*levels, seed), measured in numbers.items():
-        cell = ", ".join(
-            f"{axis} {level_text(level)}" for axis, level in zip(by, levels, strict=True)
-        )
-        of_seed = {**facts, "scenario": {"name": name, "seed": seed}}
-        cells.setdefault(cell, {})[seed] = replace(like, facts=of_seed, measured=measured)
-    return cells
-
-
-def level_text(level: object) -> str:
-    """A value of an axis, in so many digits that no other value has its text."""
-    text = f"{level:g}" if isinstance(level, float) else str(level)
-    return text if not isinstance(level, float) or float(text) == level else str(level)
-
-
-def figure_of_runs(run: "results.Run | SeedRuns", name: str, width_in: float | None) -> "Figure":
-    """A figure of a run or of several seeds, or the values of one metric. Raises ``UserError``."""
-    from genie_sim.analysis.figures import makers as makers_of
-    from genie_sim.analysis.points import metric_values
-
-    makers = makers_of(run, width_in)
-    measured = {metric.metric for metric in run.measured}
-    if name not in makers and name in {*registry.METRICS, *measured}:
-        shown = run.measured, run.methods, run.footer, width_in
-        return metric_values(name, *shown, own=run.words)
-    return named(name, makers)()
 
 
 def named(name: str, known: Mapping[str, Value], *, has_metrics: bool = True) -> Value:

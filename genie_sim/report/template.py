@@ -27,15 +27,8 @@ if TYPE_CHECKING:
 
 NAME = "report.html"
 PAGE = OutputKind("page of genie-sim", rb"<!DOCTYPE html>.*default-src 'none'; script-src 'sha256-")
-REPLAY = (
-    "replay_elements.js",
-    "replay_model.js",
-    "replay_canvas.js",
-    "replay_street.js",
-    "replay_strip.js",
-    "story.js",
-    "replay.js",
-)
+_IMPORT = re.compile(r'^import (\{[^}]*\}) from "\./(\w+)\.js";$', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -110,8 +103,8 @@ class Page:
         """The page as HTML."""
         sections = [section for section in self.sections if any(section.parts)]
         look = _palette() + part("page.css")
-        scripts = ["page.js", *(REPLAY if self.replay is not None else ())]
-        script = '"use strict";\n' + "\n".join(map(part, scripts))
+        texts = scripts("page") | (scripts("replay") if self.replay is not None else {})
+        script = "\n".join(['"use strict";', *texts.values()])
         made = f"Made by genie-sim {VERSION} from {self.origin}"
         parts = {
             "policy": f"default-src 'none'; script-src {_source(script)}; "
@@ -141,6 +134,20 @@ def write(path: Path, text: str) -> None:
 def part(name: str) -> str:
     """A file of this folder."""
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def scripts(name: str) -> dict[str, str]:
+    """A script of this folder, after those that it imports, by their names: each an object of what
+    it exports, for a page without files has no modules.
+    """
+    code = part(f"{name}.js")
+    texts: dict[str, str] = {}
+    for _, imported in _IMPORT.findall(code):
+        texts |= scripts(imported)
+    exported = ", ".join(_EXPORT.findall(code))
+    inside = _EXPORT.sub("", _IMPORT.sub(r"const \1 = \2;", code))
+    texts[name] = f"const {name} = (() => {{\n{inside}\nreturn {{ {exported} }};\n}})();"
+    return texts
 
 
 def note(*texts: str) -> str:

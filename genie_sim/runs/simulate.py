@@ -246,9 +246,9 @@ def make_judge(
     if not truths:
         return None
     for car in prepared.scenario.cars:
-        labelled = getattr(truths.get(car.name), "cameras", None)
-        if labelled is not None:
-            check_labelled(prepared.scenario, car, prepared.drives[car.name], labelled)
+        truth = truths.get(car.name)
+        if truth is not None and truth.cameras is not None:
+            check_labelled(prepared.scenario, car, prepared.drives[car.name], truth.cameras)
     return ConsumerJudge(
         method,
         truths,

@@ -27,9 +27,9 @@ from genie_sim.study.plan import Plan, plan
 from genie_sim.study.work import Parts
 
 log = logging.getLogger(__name__)
-TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
+TABLES = ("runs.parquet", "table.parquet")
 # besides the parts
-RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
+RESULTS = (*TABLES, "table.csv", "summary.md")
 
 
 class UnfinishedError(UserError):
@@ -144,12 +144,14 @@ class Study:
 
     def _show_seeds(self, output: Output) -> None:
         """Writes what ``output`` says of runs of several seeds, and pages that single ones lack."""
+        from genie_sim.analysis.figures import makers
+
         runs = load_seeds(self.folder)
         with folders.derived(self.folder) as attempt:
             for run in runs.runs if output.page else ():
                 if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
-                        template.write(page, pages.of_run(run))
+                        template.write(page, pages.of_run(run, makers(run)))
             output.make(runs, self.folder, attempt)
 
     @property
@@ -172,17 +174,12 @@ class Study:
         """Writes the tables."""
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, self._parts.read(self.plan.runs.keys()))
-        crossed = [self.design.columns[name] for name in self.design.crossed]
         about = json.dumps({"sweep": self._settings()}, sort_keys=True).encode()
         tables.write_parquet(runs, self.folder / "runs.parquet", about)
-        compared = tables.all_differences(runs, columns, crossed)
-        for name, table in (
-            ("table", tables.of_points(runs, columns, self._words)),
-            ("differences", compared),
-        ):
-            tables.write_parquet(table, self.folder / f"{name}.parquet", about)
-            with atomic_write(self.folder / f"{name}.csv") as beside:
-                beside.write_text(renderers.csv_of_table(table), encoding="utf-8")
+        table = tables.of_points(runs, columns, self._words)
+        tables.write_parquet(table, self.folder / "table.parquet", about)
+        with atomic_write(self.folder / "table.csv") as beside:
+            beside.write_text(renderers.csv_of_table(table), encoding="utf-8")
         self._write_about()  # another sweep of this name may have begun in the meantime
         self._parts.tidy()
 

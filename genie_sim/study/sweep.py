@@ -20,6 +20,7 @@ from genie_sim.analysis.registry import (
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SWEEP_FILE, read_about
 from genie_sim.analysis.style import PAGE_IN
+from genie_sim.analysis.tidy import cells_of, level_text
 from genie_sim.base import parquet
 from genie_sim.base.errors import Suggesting, UserError, unknown
 from genie_sim.base.progress import Progress
@@ -33,7 +34,7 @@ from genie_sim.record.results import (
     Run,
     checked_label,
 )
-from genie_sim.report.result import Result, cells_of, level_text, named
+from genie_sim.report.result import Result, named
 from genie_sim.study.design import Design, read_design
 from genie_sim.study.tables import BEFORE_AXES, differences
 
@@ -220,7 +221,10 @@ class Sweep(Suggesting, Result):
             if format == "markdown":
                 return renderers.markdown(replace(table, title=""), intervals=False)
             seeds = len(self.design.seeds)
-            several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
+            brackets = (
+                ", in brackets their 95 % t intervals," if points["low"].notna().any() else ""
+            )
+            several = f"Means{brackets} over {seeds} seeds."
             notes = [several if seeds > 1 else "One seed."]
             if len(table.rows) > MAX_ROWS:
                 notes.append(
@@ -257,7 +261,8 @@ class Sweep(Suggesting, Result):
         rows = []
         for (_, method), of_row in method_rows.groupby(["point", "method"], sort=False):
             by_place = of_row.set_index(["metric", "placement"])
-            place = ", ".join(level_text(of_row.iloc[0][axis]) for axis in self.axes)
+            levels = [level_text(of_row.iloc[0][axis]) for axis in self.axes]
+            first, *others = [*levels, self.titles.get(str(method), str(method))]
             cells = [
                 definition(key[0], self.words).cell(
                     *(by_place[end][key] for end in ("value", "low", "high"))
@@ -266,13 +271,13 @@ class Sweep(Suggesting, Result):
                 else Cell()
                 for key in columns
             ]
-            rows.append(Row(f"{place}: {self.titles.get(str(method), str(method))}", cells))
+            rows.append(Row(first, [*map(Cell, others), *cells]))
         about = [(definition(name, self.words), placement) for name, placement in columns]
         labels = [metric.labelled(metric.titled(placement)) for metric, placement in about]
-        corner = f"{', '.join(self.axes)}: method" if self.axes else "method"
+        corner, *keys = [*self.axes, "method"]
         idle = [axis for axis in self.axes if self._changes_nothing(axis)]
         notes = [f"No number changes with {', '.join(idle)}."] if idle else []
-        return ResultTable(labels, rows, self.title, notes, corner)
+        return ResultTable([*keys, *labels], rows, self.title, notes, corner, len(keys))
 
     def _changes_nothing(self, axis: str) -> bool:
         """Whether every number is the same under each of the axis's values, all else equal."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.registry import NO_WORDS, Words
-from genie_sim.analysis.tidy import NEGLIGIBLE, across_seeds
+from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.base.paths import atomic_write
@@ -53,9 +53,8 @@ def differences(
 
     ``runs`` is ``of_runs`` with the axes in ``columns``; ``along`` is one of them or ``method``.
     Returns the axes, the metric, its mean difference ``value``, the 95 % t interval ``low`` and
-    ``high``, ``runs``, the pairs that define it, and whether it is ``negligible``: below 1 % of the
-    value that it is a difference from. Raises ``UserError`` for a column or a value that is not
-    there.
+    ``high``, and in ``n`` the pairs that define it. Raises ``UserError`` for a column or a value
+    that is not there.
     """
     choices = [*columns, "method"]
     if along not in choices:
@@ -69,26 +68,7 @@ def differences(
     compared = runs[(runs[along] != to) & runs["metric"].notna()]
     both = compared.merge(reference, on=paired_by, suffixes=("", "_reference"))
     gaps = both.assign(value=both["value"] - both["value_reference"])
-    table = across_seeds(gaps, columns, differences=True).drop(columns=["range_low", "range_high"])
-    compared_with = across_seeds(both.assign(value=both["value_reference"]), columns)["value"]
-    return table.assign(negligible=table["value"].abs() < NEGLIGIBLE * compared_with.abs())
-
-
-def all_differences(
-    runs: "pd.DataFrame", columns: Sequence[str], crossed: Sequence[str]
-) -> "pd.DataFrame":
-    """Paired differences of methods from the first method, and along each ``crossed`` column from
-    its first value: ``along`` and ``against`` say which.
-    """
-    import pandas as pd
-
-    differences_along = []
-    for along in ("method", *crossed):
-        first = runs[along].dropna().iloc[0]
-        differences_along.append(
-            differences(runs, columns, along, first).assign(along=along, against=str(first))
-        )
-    return pd.concat(differences_along, ignore_index=True)
+    return across_seeds(gaps, columns, differences=True).drop(columns=["range_low", "range_high"])
 
 
 def write_parquet(table: "pd.DataFrame", path: Path, about: bytes) -> None:

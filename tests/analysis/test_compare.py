@@ -15,6 +15,7 @@ import pytest
 import genie_sim as gs
 from genie_sim.analysis import compare_tables, metrics, renderers
 from genie_sim.analysis.compare import BLOCKS, SEEDS, Difference, compare
+from genie_sim.analysis.tidy import cells_of
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
@@ -22,7 +23,6 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, Run
 from genie_sim.report import comparison, pages
 from genie_sim.report.output import Output
-from genie_sim.report.result import cells_of
 from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 
@@ -309,6 +309,8 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     assert gains == pytest.approx([0.25, 0.25])
     close = table.assign(rate=np.where(table["rate"] < 0.3, 1e6, 1e6 + 1))
     assert [*cells_of(close, ["rate"], methods, **about)] == ["rate 1e+06", "rate 1000001.0"]
+    with pytest.raises(UserError, match=r"two settings are called 'rate 0\.1'"):
+        cells_of(table.replace({"rate": {0.5: "0.1"}}), ["rate"], methods, **about)
     again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     made = compare([sweep, again], labels=["a", "b"])
     rows = {one.arm.label: one.difference for one in made.rows if one.against}

@@ -19,7 +19,6 @@ from genie_sim.cli.main import main
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import LOOKUPS, new_tables
 from genie_sim.record.results import MethodInfo
-from genie_sim.record.tables import Table
 from genie_sim.sim.method import METHODS as METHOD_CLASSES
 from tests import make
 from tests.drawn_text import faults
@@ -325,26 +324,9 @@ def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
     assert "image_reuse" not in drawn  # no Genie was simulated
     for name, figure in drawn.items():
         figures.save(figure, tmp_path, name)
-    lookups = Table(LOOKUPS)
-    lookups.append(
-        (
-            "genie",
-            0,
-            "car1/genie",
-            "car",
-            "image",
-            "client",
-            "car1",
-            "c",
-            0,
-            "miss",
-            1,
-            0,
-            0,
-            0.0,
-            1,
-        )
-    )
+    miss = {"kind": "image", "requester": "client", "requests": 1, "entries": 1}
+    asked = make.row(LOOKUPS, method="genie", genie="car1/genie", placement="car", **miss)
+    lookups = make.table(LOOKUPS, asked)
     figures.save(figures.image_reuse([lookups.columns()], METHODS), tmp_path, "image_reuse")
     assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge
 
@@ -363,15 +345,13 @@ def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
     assert main(["run", "street_1car_homo", "--no-report", *few]) == 0
     (folder,) = tmp_path.glob("street_1car_homo-*")
     capsys.readouterr()
-    for out in ("a", "b"):
-        assert (
-            main(["figures", str(folder), "--format", "svg,pdf,png", "--out", str(tmp_path / out)])
-            == 0
-        )
-    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    for out in ("a/new", "b"):
+        line = ["figures", str(folder), "--format", "svg,pdf,png", "--out", str(tmp_path / out)]
+        assert main(line) == 0
+    names = sorted(path.name for path in (tmp_path / "b").iterdir())
     assert {"latency_cdf.svg", "latency_cdf.pdf", "latency_cdf.png"} <= set(names)
     assert all(
-        (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+        (tmp_path / "a/new" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
         for name in names
     )
     assert b"/FontFile2" in (tmp_path / "a" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"

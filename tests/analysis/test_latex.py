@@ -78,6 +78,21 @@ def test_a_column_of_texts_is_no_column_of_numbers():
     assert r"C1 & 50 \% \& up & 3 \\" in text
 
 
+def test_levels_of_axes_are_columns_in_which_none_is_repeated():
+    keys = [("5", "lru", "a"), ("5", "lru", "b"), ("5", "lfu", "a"), ("10", "lfu", "a")]
+    rows = [Row(first, [*map(Cell, others), Cell(2.0, 1.0, 3.0)]) for first, *others in keys]
+    table = ResultTable(["rule", "method", "x"], rows, "c", corner="rate", keys=2)
+    text = renderers.latex(table, "c")
+    assert re.findall(r"^.*& 2 \\\\$", text, re.MULTILINE) == [
+        r"5 & lru & a & 2 \\",
+        r"&  & b & 2 \\",
+        r"& lfu & a & 2 \\",
+        r"10 & lfu & a & 2 \\",
+    ]
+    assert text.count(r"\addlinespace") == 1 and text.count("[1, 3]") == 4
+    assert table.cut(slice(1, 2)).columns == ["rule", "method"], "each part has the keys"
+
+
 def test_thousands_are_grouped_as_on_a_terminal():
     table = ResultTable(["a"], [Row("time", [Cell(1234.5, 1200.0, 12345.0)])])
     text = renderers.latex(table, "times")
@@ -92,8 +107,11 @@ def test_latex_takes_any_text_of_users(engine, tmp_path):
         pytest.skip(f"no {engine} on this machine")
     text = r"50% & $x_1$ {\evil} #~^ \input{a} [x] * Größe"
     text += " → 日本" if engine == "lualatex" else ""
-    rows = [Row(text, [Cell(1.5, 1.0, 2.0)] * 2), Row("[x]", [Cell(text), Cell()])]
-    table = renderers.latex(ResultTable([text, "b"], rows, text, [text], corner=text), text)
+    rows = [
+        Row(title, [Cell(text), Cell(1.5, 1.0, 2.0), Cell(text)]) for title in (text, "[x]", "[x]")
+    ]
+    titles = [text, text, "b"]
+    table = renderers.latex(ResultTable(titles, rows, text, [text], corner=text, keys=1), text)
     assert ("lualatex" in table) == (engine == "lualatex")
     whole = r"\documentclass{article}\usepackage{booktabs,array}\begin{document}%s\end{document}"
     (tmp_path / "a.tex").write_text(whole % table, encoding="utf-8")

@@ -4,6 +4,8 @@ elsewhere.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -60,34 +62,38 @@ def events(
     method: str = "genie",
 ):
     """One look-up a second of a Genie on a car or an edge, as rows of ``lookups``."""
-    on, who = "edge" if genie.startswith("edge") else "car", requester if kind == "image" else None
     return [
-        (
-            method,
-            i * S,
-            genie,
-            on,
-            kind,
-            who,
-            "car1",
-            "c",
-            i * S,
-            None,
-            requests,
-            hit,
-            hit,
-            0.1 * hit,
-            i + 1,
+        make.row(
+            LOOKUPS,
+            method=method,
+            t_ns=i * S,
+            genie=genie,
+            placement="edge" if genie.startswith("edge") else "car",
+            kind=kind,
+            requester=requester if kind == "image" else None,
+            stamp_ns=i * S,
+            requests=requests,
+            hits=hit,
+            updates=hit,
+            boost_sum=0.1 * hit,
+            entries=i + 1,
         )
         for i, hit in enumerate(hits)
     ]
 
 
 def lookup_table(*rows: tuple) -> pd.DataFrame:
-    table = Table(LOOKUPS)
-    for row in rows:
-        table.append(row)
-    return table.to_frame()
+    return make.table(LOOKUPS, *rows).to_frame()
+
+
+def sample(name: str, second: float, **cells: Any) -> tuple[Any, ...]:
+    return make.row(RESOURCES, method="local", resource=name, t_ns=second * S, **cells)
+
+
+def of_map(genie: str, kind: str, **counts: Any) -> tuple[Any, ...]:
+    """A row of ``lookups``: of objects, on a car."""
+    where = {"method": "genie", "genie": genie, "placement": "car"}
+    return make.row(LOOKUPS, kind=kind, **where, **counts)
 
 
 def of_tables(
@@ -104,6 +110,10 @@ def of_tables(
         one.component or (one.method if one.placement == "all" else one.placement) for one in made
     ]
     return {(one.metric, place): one for one, place in zip(made, where, strict=True)}
+
+
+def of_resources(*rows: tuple[Any, ...], **tables: pd.DataFrame) -> dict[Any, MetricValue]:
+    return of_tables(resources=make.table(RESOURCES, *rows).to_frame(), **tables)
 
 
 def test_six_frames_worked_by_hand():
@@ -127,9 +137,8 @@ def test_a_frame_lost_after_its_first_answer_is_not_dropped():
     """Genie answers from the map, then the detector's queue drops the frame: the car did get an
     answer.
     """
-    table = Table(FRAMES)
     dropped = {"received_ns": 0, "first_answer_ns": 9 * MS, "drop": "car1/detector:/image_raw"}
-    table.append(FrameRow("genie", "car1", "camera_02", 0, 0, 0, **dropped))
+    table = make.table(FRAMES, FrameRow("genie", "car1", "camera_02", 0, 0, 0, **dropped))
     result = of_tables(frames=table.to_frame())
     assert result["answered_share", "genie"].value == 1
     assert result["dropped_share", "genie"].value == 0
@@ -139,8 +148,7 @@ def test_what_is_not_defined_is_none():
     """No frame was ever answered, and the run was over within one second: no latency, and no
     interval.
     """
-    table = Table(FRAMES)
-    table.append(FrameRow("local", "car1", "camera_02", 0, 0, 0))
+    table = make.table(FRAMES, FrameRow("local", "car1", "camera_02", 0, 0, 0))
     result = of_tables(frames=table.to_frame())
     assert result["first_answer_mean", "local"] == MetricValue(
         "first_answer_mean", "local", "all", "", None, "ms", n=0
@@ -325,16 +333,16 @@ def test_a_range_is_from_the_lowest_to_the_highest_running_ratio_of_any_genie():
 
 def test_the_running_boost_is_confidence_added_over_objects_stored_so_far():
     table = lookup_table(
-        ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.00, 0),
-        ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.10, 2),
-        ("genie", 2, "h", "car", "sighting", None, "car1", "c", 0, None, 3, 2, 2, 0.06, 1),
-        ("genie", 3, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.00, 1),
+        of_map("g", "boost", t_ns=0, requests=1, hits=1, updates=1),
+        of_map("g", "boost", t_ns=1, requests=1, boost_sum=0.10, entries=2),
+        of_map("h", "sighting", t_ns=2, requests=3, hits=2, updates=2, boost_sum=0.06, entries=1),
+        of_map("g", "boost", t_ns=3, requests=3, hits=3, updates=3, entries=1),
     )
     curve = genie_metrics.running_boost(Columns.of(table))
     assert list(curve["events"]) == [2, 3, 4]
     assert list(curve["boost"]) == pytest.approx([0.10 / 2, 0.16 / 3, 0.16 / 3])
     # after a warm-up a map holds ten objects; of four sighted ones three are new
-    warm = ("genie", 9, "g", "car", "sighting", None, "car1", "c", 9, None, 4, 0, 1, 0.09, 13)
+    warm = of_map("g", "sighting", requests=4, updates=1, boost_sum=0.09, entries=13)
     curve = genie_metrics.running_boost(Columns.of(lookup_table(warm)))
     assert list(curve["boost"]) == pytest.approx([0.09 / 3])
     boost = of_tables(lookups=lookup_table(warm))["confidence_boost", "car"]
@@ -343,17 +351,12 @@ def test_the_running_boost_is_confidence_added_over_objects_stored_so_far():
 
 def test_use_is_of_all_slots_and_a_queue_has_none():
     """An accelerator of 2 slots, busy for 3 of 2 x 2 slot-seconds."""
-    table = Table(RESOURCES)
-    table.append(
-        ("genie", 1 * S, "edge1.accelerator", "accelerator", 2, 1 * S, 0, 10, 0, None, 0, 0)
-    )
-    table.append(
-        ("genie", 2 * S, "edge1.accelerator", "accelerator", 2, 3 * S, 4, 30, 1, None, 4 * S, 6)
-    )
-    table.append(("genie", 2 * S, "edge1:/image_raw", "queue", None, 0, 1, 5, 7, None, 0, 1))
-    table.append(("genie", 2 * S, "car1->edge1", "link", 1, 1 * S, 0, 3, 0, 4_000, 0, 0))
-    result = of_tables(resources=table.to_frame())
     accelerator = "edge1.accelerator"
+    result = of_resources(
+        sample(accelerator, 1, kind="accelerator", capacity=2, busy_ns=1 * S),
+        sample(accelerator, 2, kind="accelerator", capacity=2, busy_ns=3 * S),
+        sample("edge1:/image_raw", 2, kind="queue", queue=1, queue_max=1),
+    )
     assert result["utilization", accelerator].value == 0.75
     assert ("utilization", "edge1:/image_raw") not in result
 
@@ -362,29 +365,20 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
     """Busy all the time until the last frame at 2 s; the run goes on for 8 s to see what still
     comes.
     """
-    frames, resources = Table(FRAMES), Table(RESOURCES)
-    frames.append(FrameRow("local", "car1", "camera_02", 0, 0, 0))
-    frames.append(FrameRow("local", "car1", "camera_02", 1, 0, 2 * S))
-    for second in range(11):
-        busy_ns, done = min(second, 2) * S, min(3 * second, 7)
-        resources.append(
-            (
-                "local",
-                second * S,
-                "car1.accelerator",
-                "accelerator",
-                1,
-                busy_ns,
-                0,
-                done,
-                0,
-                None,
-                0,
-                0,
-            )
-        )
-    result = of_tables(frames=frames.to_frame(), resources=resources.to_frame())
-    assert result["utilization", "car1.accelerator"].value == 1.0
+    name, frames = (
+        "car1.accelerator",
+        make.table(
+            FRAMES,
+            FrameRow("local", "car1", "camera_02", 0, 0, 0),
+            FrameRow("local", "car1", "camera_02", 1, 0, 2 * S),
+        ),
+    )
+    busy = (
+        sample(name, second, kind="accelerator", capacity=1, busy_ns=min(second, 2) * S)
+        for second in range(11)
+    )
+    result = of_resources(*busy, frames=frames.to_frame())
+    assert result["utilization", name].value == 1.0
 
 
 def test_the_order_of_frames_in_memory_does_not_matter():
@@ -400,12 +394,11 @@ def test_the_order_of_frames_in_memory_does_not_matter():
 
 
 def test_what_is_stored_is_what_the_last_look_up_found():
-    lookups = Table(LOOKUPS)
-    for second, entries in enumerate((3, 9, 4)):
-        at = second * S
-        asked = "image", "client", "car1", "c", at, "miss", 1, 0, 0, 0.0, entries
-        lookups.append(("genie", at, "car1/genie", "car", *asked))
-    assert of_tables(lookups=lookups.to_frame())["stored_images", "car"].value == 4.0
+    asked = [
+        of_map("g", "image", t_ns=second * S, requests=1, requester="client", entries=entries)
+        for second, entries in enumerate((3, 9, 4))
+    ]
+    assert of_tables(lookups=lookup_table(*asked))["stored_images", "car"].value == 4.0
 
 
 def test_each_method_is_measured_and_compared_with_every_baseline():
@@ -444,20 +437,15 @@ def test_each_method_is_measured_and_compared_with_every_baseline():
 
 
 def test_a_resource_is_placed_where_it_is():
-    frames, resources = Table(FRAMES), Table(RESOURCES)
-    for number in range(2):
-        frames.append(FrameRow("local", "car.one", "c", number, 0, number * S))
-    names = {
-        "car.one.accelerator": "car",
-        "edge1.cpu": "edge",
-        "car.one->edge1": "all",
-    }
-    for name in names:
-        resources.append(("local", S, name, "cpu", 1, 0, 0, 0, 0, None, 0, 0))
-    made = metrics.compute(
-        METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()}
+    taken = (FrameRow("local", "car.one", "c", number, 0, number * S) for number in range(2))
+    names = {"car.one.accelerator": "car", "edge1.cpu": "edge", "car.one->edge1": "all"}
+    made = of_resources(
+        *(sample(name, 1, kind="cpu", capacity=1) for name in names),
+        frames=make.table(FRAMES, *taken).to_frame(),
     )
-    assert {one.component: one.placement for one in made if one.metric == "utilization"} == names
+    assert {
+        name: one.placement for (metric, name), one in made.items() if metric == "utilization"
+    } == names
 
 
 def test_a_deadline_is_met_before_it_and_not_at_it():
@@ -475,10 +463,13 @@ def test_a_deadline_is_met_before_it_and_not_at_it():
 
 def test_the_use_of_a_cpu_is_that_of_each_of_its_cores():
     """Four cores that work 6 s in 2 s: each is busy for 1.5 s."""
-    table = Table(RESOURCES)
-    for second, busy_s in ((1, 2), (2, 6)):
-        table.append(("genie", second * S, "edge1.cpu", "cpu", 4, busy_s * S, 0, 0, 0, None, 0, 0))
-    assert of_tables(resources=table.to_frame())["utilization", "edge1.cpu"].value == 0.75
+    made = of_resources(
+        *(
+            sample("edge1.cpu", second, kind="cpu", capacity=4, busy_ns=busy_s * S)
+            for second, busy_s in ((1, 2), (2, 6))
+        )
+    )
+    assert made["utilization", "edge1.cpu"].value == 0.75
 
 
 def test_an_interval_over_blocks_of_two_cars_by_hand():

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from itertools import pairwise
 
 import numpy as np
@@ -43,26 +40,6 @@ def test_neighbouring_streams_are_uncorrelated() -> None:
     draws = [stream(1, "car", index).standard_normal(10_000) for index in range(21)]
     correlations = [float(np.corrcoef(a, b)[0, 1]) for a, b in pairwise(draws)]
     assert max(map(abs, correlations)) < 0.05
-
-
-@pytest.mark.process
-def test_the_hash_seed_of_python_does_not_matter() -> None:
-    draw = "print(stream(1, 'car1', 'uplink').integers(0, 2**62, 8).tolist())"
-    script = f"from genie_sim.base.seeds import stream; {draw}"
-    for hash_seed in ("0", "12345"):
-        environment = {
-            **os.environ,
-            "PYTHONHASHSEED": hash_seed,
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        }
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert done.stdout.strip() == str(numbers("car1", "uplink"))
 
 
 def test_the_numbers_stay_the_same_across_versions() -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from genie_sim.base import units
@@ -91,6 +91,7 @@ def test_what_cannot_be_read_says_what_to_write(
 
 
 @given(st.integers(-(2**63) + 1, 2**63 - 1))
+@example(2**63 - 1)
 def test_durations_are_written_exactly(ns: int) -> None:
     assert units.duration_ns(units.duration_text(ns)) == ns
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import errno
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -185,12 +186,12 @@ def test_whatever_a_name_holds_the_error_is_one_line(capsys):
     one_line(capsys.readouterr().err, "--set a\\n\\x1b[31mb: must be path=value")
 
 
-@pytest.mark.parametrize("what", ["folder", "pipe"])
+@pytest.mark.parametrize("what", ["a folder", "no file"])
 def test_only_a_file_is_replaced_by_a_file(what):
     """``--out=/dev/null`` would otherwise be the last of it, for a user who may rename there."""
     path = Path("there")
-    path.mkdir() if what == "folder" else os.mkfifo(path)
-    with pytest.raises(UserError, match="there: cannot be written"), atomic_write(path):
+    path.mkdir() if what == "a folder" else os.mkfifo(path)
+    with pytest.raises(UserError, match=f"there: cannot be written: {what}"), atomic_write(path):
         raise AssertionError("nothing is written")
     assert [one.name for one in Path().iterdir()] == ["there"]
     assert not path.is_file()
@@ -293,7 +294,7 @@ def test_what_cannot_be_drawn_or_written_leaves_the_tables(monkeypatch, capsys, 
         raise ZeroDivisionError("of a library")
 
     monkeypatch.setattr("genie_sim.report.pages.of_run", full)
-    monkeypatch.setattr("genie_sim.analysis.figures.of_run", broken)
+    monkeypatch.setattr("genie_sim.analysis.figures.save_all", broken)
     line = ["run", "street_1car_homo", "--figures"]
     assert main([*line, "--set", "cars[0].route.window=[0 s, 1 s]"]) == 1
     (folder,) = Path("results").iterdir()
@@ -323,6 +324,18 @@ def test_ctrl_c_while_the_program_is_imported_ends_in_one_line(monkeypatch, caps
     monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
     assert program.main() == 130
     assert capsys.readouterr().err == "genie-sim: interrupted; nothing was written\n"
+
+
+@pytest.mark.parametrize("is_checkout", [True, False])
+def test_nothing_is_imported_from_the_current_folder_but_the_checkout(
+    is_checkout: bool, monkeypatch: pytest.MonkeyPatch
+):
+    path = [str(REPOSITORY if is_checkout else Path.cwd()), *sys.path]
+    monkeypatch.setattr(sys, "path", [*path])
+    monkeypatch.setattr(sys, "argv", ["genie-sim"])
+    with pytest.raises(SystemExit):
+        runpy.run_path(program.__file__, run_name="__main__")
+    assert sys.path == path[not is_checkout :]
 
 
 # Outputs and the files that are there

@@ -55,7 +55,7 @@ def test_a_drive_with_what_holds_unless_it_is_said(asked, capsys):
     assert selection.origin is None and not selection.allow_missing_scans
     assert (settings.name, settings.weights, settings.size) == ("yolox_nano", None, None)
     assert (settings.min_score, settings.threads) == (0.3, 1)
-    assert settings.providers == ["CPUExecutionProvider"] and settings.encoding == "raw"
+    assert settings.providers == ("CPUExecutionProvider",) and settings.encoding == "raw"
     (((path, _), _),) = asked["write"]
     assert path == Path("t.parquet")
     assert capsys.readouterr().out == "t.parquet: 3 frames, 3 detections, content 0123456789ab\n"
@@ -76,7 +76,7 @@ def test_every_option_of_a_drive_is_heard(asked):
     assert selection.origin == (49.0, 8.0, 112.0) and selection.allow_missing_scans
     assert (settings.name, settings.weights) == ("nanodet_m_416", Path("/w"))
     assert (settings.size, settings.threads) == ((8, 4), 4)
-    assert settings.providers == ["CUDAExecutionProvider", "CPUExecutionProvider"]
+    assert settings.providers == ("CUDAExecutionProvider", "CPUExecutionProvider")
     assert (settings.min_score, settings.encoding) == (0.2, encodings[-1])
 
 

@@ -51,6 +51,17 @@ def changes_of(*detections):
     )
 
 
+def asked_genie(*objects, **rules):
+    """A Genie with its first request, and what its node has answered if there are ``objects``. A
+    miss waits for that unless the rules say so.
+    """
+    one = genie(**{"miss_policy": "blocking", **rules})
+    one.on_message(IMAGES, frame(0), 0)
+    if objects:
+        one.on_message(FROM_NODE, answer(frame(0), *objects), 1)
+    return one
+
+
 # Misses: lines 12 to 15
 
 
@@ -70,9 +81,7 @@ def test_without_shared_requests_a_miss_goes_to_the_node_alone():
 
 
 def test_another_spot_another_camera_and_another_heading_are_misses():
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked = asked_genie(CAR)
     for other in (frame(1, at=BRIDGE), frame(1, camera="03"), frame(2, heading_deg=90)):
         assert lookup(other, "miss", entries=1) in asked.on_message(IMAGES, other, S)
 
@@ -111,8 +120,7 @@ def test_a_genie_that_does_not_tell_changes_does_all_else_as_one_that_does():
 def test_the_nodes_answer_is_delivered_once_and_shared():
     """The bus, seen with 0.3, is below C_T = 0.60: it is remembered and does not leave."""
     first = frame(0)
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, first, 0)
+    asked = asked_genie()
     stored = changes_of(CAR, FAINT_BUS)
     assert asked.on_message(FROM_NODE, answer(first, CAR, FAINT_BUS), S // 10) == [
         ObjectLookups(
@@ -128,9 +136,7 @@ def test_the_later_of_two_answers_is_knowledge_but_not_delivered_again():
     - 0.9).
     """
     first = frame(0)
-    asked = genie(share_answers="on_request", miss_policy="blocking")
-    asked.on_message(IMAGES, first, 0)
-    asked.on_message(FROM_NODE, answer(first, CAR), 1)
+    asked = asked_genie(CAR, share_answers="on_request")
     [known] = asked.on_message(FROM_OTHERS, answer(first, CAR, by="edge2/detector"), 2)
     assert (known.requests, known.hits, known.updates) == (1, 1, 1)
     assert known.boost_sum == pytest.approx(0.1 * 0.9 * (1 - 0.9))
@@ -150,8 +156,7 @@ def test_an_object_without_a_place_keeps_its_score_and_enters_no_map():
         seen(None, label="person", score=0.7),
         seen(None, label="dog", score=0.5),
     )
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, first, 0)
+    asked = asked_genie()
     [sighting, delivered, _] = asked.on_message(FROM_NODE, answer(first, nowhere, faint), 1)
     assert sighting.requests == 0
     assert delivered == Publish(OBJECTS, answer(first, nowhere))
@@ -160,16 +165,14 @@ def test_an_object_without_a_place_keeps_its_score_and_enters_no_map():
 
 @pytest.mark.parametrize(("sharing", "told"), [("broadcast", [None]), ("on_request", [])])
 def test_the_nodes_answer_is_shared_or_kept_for_the_requester(sharing, told):
-    asked = genie(miss_policy="blocking", share_answers=sharing)
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(share_answers=sharing)
     effects = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR), 1))
     assert [one.to for one in effects if one.topic == FROM_OTHERS] == told
     assert [one.topic for one in effects].count(OBJECTS) == 1
 
 
 def test_an_answer_from_another_genie_is_not_passed_on_to_the_others():
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie()
     effects = asked.on_message(FROM_OTHERS, answer(frame(0), CAR, by="edge2/detector"), 1)
     assert publications(effects) == [Publish(OBJECTS, answer(frame(0), CAR, by="edge2/detector"))]
 
@@ -182,9 +185,7 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     beside the car.
     """
     bus, person = seen(30.0, 5.0, label="bus", score=0.58), seen(20.5, label="person", score=0.8)
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR, bus), 1)
+    asked = asked_genie(CAR, bus)
     asked.on_message(
         FROM_OTHERS,
         answer(frame(5, car="car9"), replace(bus, score=0.9, confidence=0.9), person),
@@ -215,9 +216,7 @@ def test_replaying_does_not_change_the_stored_answer():
     """Line 13 adds to the list that line 10 iterates; ours is a copy, so a third car does not see
     anything twice.
     """
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked = asked_genie(CAR)
     asked.on_message(
         FROM_OTHERS, answer(frame(5, car="car9"), seen(20.5, label="person", score=0.8)), 2
     )
@@ -227,9 +226,7 @@ def test_replaying_does_not_change_the_stored_answer():
 
 def test_an_object_between_two_others_is_added_once():
     left, right = seen(), seen(21.2)
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), left, right), 1)
+    asked = asked_genie(left, right)
     asked.on_message(
         FROM_OTHERS, answer(frame(5, car="car9"), seen(20.6, label="person", score=0.8)), 2
     )
@@ -242,9 +239,7 @@ def test_an_object_between_two_others_is_added_once():
 
 @pytest.mark.parametrize(("stamp", "header_of"), [("request", 10), ("stored", 0)])
 def test_a_replay_carries_the_requests_header_or_literally_the_stale_one(stamp, header_of):
-    asked = genie(miss_policy="blocking", replay_stamp=stamp)
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked = asked_genie(CAR, replay_stamp=stamp)
     assert answers(asked.on_message(IMAGES, frame(10), 10 * S))[0].header == frame(header_of).header
 
 
@@ -286,9 +281,7 @@ def test_equal_requests_may_both_be_run():
 
 def test_after_the_answer_there_is_nothing_left_to_join():
     # no answer with an object fits
-    asked = genie(capacity=Capacity(bytes=100), miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked = asked_genie(CAR, capacity=Capacity(bytes=100))
     assert lookup(frame(1), "miss") in asked.on_message(IMAGES, frame(1), 2)
 
 
@@ -305,9 +298,7 @@ def test_the_very_same_request_over_another_way_is_ignored():
 
 
 def test_the_second_answer_overwrites_the_first():
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), seen()), 1)
+    asked = asked_genie(seen())
     asked.on_message(FROM_OTHERS, answer(frame(0), seen(40.0, label="bus")), 2)
     assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == ["bus"]
 
@@ -316,9 +307,7 @@ def test_the_second_answer_overwrites_the_first():
 
 
 def test_a_neighbours_hit_is_answered_to_it_alone():
-    asked = genie()
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked = asked_genie(CAR)
     theirs = frame(0.2, car="car2")
     [hit, _, reply] = asked.on_message(TO_OTHERS, theirs, 2, NEIGHBOUR)
     assert hit == lookup(theirs, "hit", requester="neighbour", entries=1)
@@ -328,9 +317,7 @@ def test_a_neighbours_hit_is_answered_to_it_alone():
 
 
 def test_a_neighbour_without_a_name_is_answered_where_neighbours_listen():
-    asked = genie()
-    asked.on_message(IMAGES, frame(0), 0)
-    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked = asked_genie(CAR)
     [reply] = publications(asked.on_message(TO_OTHERS, frame(0.2, car="car2"), 2, sender=None))
     assert (reply.topic, reply.to) == (FROM_OTHERS, None)
 
@@ -400,8 +387,7 @@ def test_a_shared_answer_before_its_request_only_fills_the_map():
 
 
 def test_the_neighbours_cached_answer_serves_our_client():
-    asked = genie(miss_policy="blocking")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie()
     cached = Detections(frame(0).header, (CAR,), "cache", NEIGHBOUR)
     assert answers(asked.on_message(FROM_OTHERS, cached, 1, NEIGHBOUR)) == [cached]
 
@@ -489,8 +475,7 @@ def test_all_fresh_objects_reach_only_clients_on_the_same_host(name, delivered):
     """The transparent answer: who asks over a link gets what is above C_T, whatever the scenario
     says.
     """
-    asked = genie(name=name, miss_policy="blocking", fresh_objects="all")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(name=name, fresh_objects="all")
     to_client, shared = publications(
         asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
     )
@@ -501,8 +486,7 @@ def test_all_fresh_objects_reach_only_clients_on_the_same_host(name, delivered):
 
 
 def test_what_another_genie_says_is_not_the_own_nodes_fresh_answer():
-    asked = genie(name="car1/genie", miss_policy="blocking", fresh_objects="all")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(name="car1/genie", fresh_objects="all")
     assert labels(
         answers(asked.on_message(FROM_OTHERS, answer(frame(0), CAR, FAINT_BUS), 1))[0]
     ) == ["car"]
@@ -532,16 +516,14 @@ def test_an_unanswered_request_expires_for_everyone_who_waits():
 
 
 def test_after_expiry_the_next_equal_request_is_run_again():
-    asked = genie(miss_policy="blocking", request_expiry_ns=2 * S)
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(request_expiry_ns=2 * S)
     effects = asked.on_message(IMAGES, frame(3), 3 * S)
     assert effects[:2] == [Expired(frame(0).header), lookup(frame(3), "miss")]
     assert Publish(TO_NODE, frame(3)) in effects
 
 
 def test_a_late_answer_is_knowledge_for_the_map_only():
-    asked = genie(miss_policy="blocking", request_expiry_ns=2 * S, share_answers="on_request")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(request_expiry_ns=2 * S, share_answers="on_request")
     expired, sighting = asked.on_message(FROM_NODE, answer(frame(0), CAR), 2 * S)
     assert expired == Expired(frame(0).header)
     assert sighting.kind == "sighting"
@@ -550,8 +532,7 @@ def test_a_late_answer_is_knowledge_for_the_map_only():
 
 
 def test_an_answered_request_does_not_expire():
-    asked = genie(miss_policy="blocking", request_expiry_ns=2 * S)
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(request_expiry_ns=2 * S)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), S)
     assert asked.on_deadline(5 * S) == []
 
@@ -566,8 +547,7 @@ def test_a_neighbours_request_expires_silently():
 
 
 def test_without_expiry_an_answer_is_never_too_late():
-    asked = genie(miss_policy="blocking", request_expiry_ns=None)
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(request_expiry_ns=None)
     assert asked.next_deadline_ns() is None
     assert len(answers(asked.on_message(FROM_NODE, answer(frame(0), CAR), 3600 * S))) == 1
 
@@ -575,8 +555,7 @@ def test_without_expiry_an_answer_is_never_too_late():
 def test_requests_without_expiry_do_not_pile_up(monkeypatch):
     """The oldest goes, answered or not; then an equal request is run again and joins nobody."""
     monkeypatch.setattr(message_cache, "MAX_WITHOUT_DEADLINE", 2)
-    asked = genie(miss_policy="blocking", request_expiry_ns=None)
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(request_expiry_ns=None)
     asked.on_message(IMAGES, frame(1, at=STATION), 1)
     asked.on_message(FROM_NODE, answer(frame(1, at=STATION), CAR), 2)
     third, fourth, again = frame(2, camera="03"), frame(3, camera="04"), frame(4)
@@ -628,8 +607,7 @@ def test_the_literal_index_can_never_hit():
 
 
 def test_answers_without_objects_are_cached_and_replayed_as_they_are():
-    asked = genie(miss_policy="blocking", published=("/lanes",))
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(published=("/lanes",))
     lanes = Lanes(frame(0).header, lanes=3)
     assert asked.on_message("/lanes-local", lanes, 1) == [
         Publish("/lanes", lanes),
@@ -641,8 +619,7 @@ def test_answers_without_objects_are_cached_and_replayed_as_they_are():
 
 
 def both_topics():
-    asked = genie(miss_policy="blocking", published=(OBJECTS, "/lanes"), share_answers="on_request")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(published=(OBJECTS, "/lanes"), share_answers="on_request")
     return asked
 
 
@@ -724,8 +701,7 @@ def test_a_topic_that_is_not_the_nodes_is_refused():
 
 
 def test_an_edge_may_send_other_edges_every_object_but_a_car_never():
-    asked = genie(miss_policy="blocking", share_filter="all")
-    asked.on_message(IMAGES, frame(0), 0)
+    asked = asked_genie(share_filter="all")
     to_client, shared = publications(
         asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
     )

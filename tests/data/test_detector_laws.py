@@ -87,7 +87,7 @@ def test_one_line_says_what_they_rest_on(detector: str, drive: str, text: str):
 def test_a_run_says_so_in_its_results():
     run = run_in_memory(load_scenario("street_1car_homo", [WINDOW, "methods=[local]"]))
     said = "Laws of yolox_nano: measured on this drive alone"
-    assert said in summary.markdown(run) and said in pages.of_run(run, drawn={})
+    assert said in summary.markdown(run) and said in pages.of_run(run, {})
     assert "Laws of" not in screen.text(run)
 
 

@@ -169,12 +169,19 @@ def test_without_a_network_one_line_says_what_to_do(server, nano, tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_unknown_names_are_refused_before_the_network(tmp_path):
-    with pytest.raises(UserError, match=r"unknown model 'yolox-nan' \(did you mean 'yolox-nano'"):
-        fetch.fetch_model("yolox-nan", tmp_path, quiet)
-    for name, told in (("../../etc", "must be a raw drive"), ("odometry/05", "only raw drives")):
-        with pytest.raises(UserError, match=f"^drive '{name}': {told}"):
-            fetch.fetch_drive(name, tmp_path, quiet)
+@pytest.mark.parametrize(
+    ("what", "name", "message"),
+    [
+        ("modell", "x", "kind of thing to fetch 'modell' (did you mean 'model'?)"),
+        ("model", "yolox-nan", "unknown model 'yolox-nan' (did you mean 'yolox-nano'?)"),
+        ("drive", "../../etc", "drive '../../etc': must be a raw drive"),
+        ("drive", "odometry/05", "drive 'odometry/05': only raw drives"),
+    ],
+)
+def test_unknown_names_are_refused_before_the_network(run_cli, what, name, message):
+    wrong = run_cli("import", "fetch", what, name)
+    assert wrong.returncode == 1
+    assert message in wrong.stderr and wrong.stderr.count("\n") == 1
 
 
 DRIVE = "2011_09_26_drive_0005"
@@ -320,10 +327,3 @@ def test_a_broken_entry_is_told_in_one_line(tmp_path):
             assert str(error).startswith(f"{packed}: ") and "\n" not in str(error)
             refusals += 1
     assert refusals > 150
-
-
-def test_the_command_says_how_to_use_what_it_fetched(run_cli):
-    wrong = run_cli("import", "fetch", "modell", "x")
-    assert wrong.returncode == 1
-    assert "kind of thing to fetch 'modell' (did you mean 'model'?)" in wrong.stderr
-    assert wrong.stderr.count("\n") == 1

@@ -81,7 +81,7 @@ def test_it_gives_what_the_raw_drive_gives(tmp_path, raw):
     [
         ("odometry/11", "02", None, ": 05"),
         (DRIVE, "02", "dataset/poses/05.txt", "poses/05.txt: "),
-        (DRIVE, "05", None, "unknown camera '05'"),
+        (DRIVE, "05", None, "cameras: 05: name each camera"),
         (DRIVE, "03", None, "image_3: "),
         (DRIVE, "02", "dataset/sequences/05/velodyne/000001.bin", "000001.bin: missing"),
         (DRIVE, "02", "dataset/sequences/05/times.txt", "times.txt: "),

@@ -5,23 +5,26 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.checkout import REPOSITORY
+from tests.checkout import REPOSITORY, forget
 
 
 @pytest.fixture
-def as_a_reader(tmp_path: Path) -> dict[str, str]:
-    """The environment of somebody who installed genie-sim and sits in a folder of their own."""
-    path = tmp_path / "bin"
+def as_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder in which somebody sits who has installed genie-sim."""
+    path, work = tmp_path / "bin", tmp_path / "work"
     path.mkdir()
+    work.mkdir()
     for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
         (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
         (path / name).chmod(0o755)
-    return {
-        **os.environ,
-        "PATH": f"{path}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(REPOSITORY),
-    }
+    monkeypatch.setenv("PATH", f"{path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    monkeypatch.chdir(work)
+    monkeypatch.syspath_prepend("")
+    yield work
+    forget(work)

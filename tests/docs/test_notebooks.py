@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -74,9 +75,7 @@ def test_a_notebook_is_kept_with_outputs_and_small_figures(path: Path):
     ],
     ids=lambda path: path.stem,
 )
-def test_a_notebook_prints_what_it_is_kept_with(
-    path: Path, tmp_path: Path, as_a_reader: dict[str, str]
-):
+def test_a_notebook_prints_what_it_is_kept_with(path: Path, tmp_path: Path, as_a_reader: Path):
     nbclient = pytest.importorskip("nbclient", reason="nbclient comes with '.[notebooks]'")
     pytest.importorskip("ipykernel", reason="ipykernel comes with '.[notebooks]'")
     nbformat = pytest.importorskip("nbformat", reason="nbformat comes with '.[notebooks]'")
@@ -86,9 +85,9 @@ def test_a_notebook_prints_what_it_is_kept_with(
         timeout=LONGEST_CELL_S,
         kernel_name="python3",
         coalesce_streams=True,
-        resources={"metadata": {"path": str(tmp_path)}},
+        resources={"metadata": {"path": str(as_a_reader)}},
     )
-    client.execute(env={**as_a_reader, "IPYTHONDIR": str(tmp_path / "ipython")})
+    client.execute(env={**os.environ, "IPYTHONDIR": str(tmp_path / "ipython")})
     again = [cell for cell in notebook.cells if cell["cell_type"] == "code"]
     kept = cells(path, "code")
     for kind in ("stream", "text/plain"):

@@ -40,7 +40,7 @@ class Frame:
 class Street:
     """Knows cars and people."""
 
-    tolerance_m, range_m = 2.0, 40.0
+    cameras, tolerance_m, range_m = None, 2.0, 40.0
 
     def knows(self, label: str) -> bool:
         return label in ("car", "truck", "person")

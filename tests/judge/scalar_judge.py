@@ -69,7 +69,8 @@ class ScalarJudge:
         self.consumers = {car: make_consumer() for car in truths}
         self.first_streams: dict[str, str] = {}
         self.visible: list[tuple[int, str, float, float]] = []
-        self.open: dict[str, dict[str, dict[tuple[Any, ...], int]]] = {car: {} for car in truths}
+        # by camera: since when each object is open
+        self.open: dict[tuple[str, str], dict[tuple[Any, ...], int]] = {}
 
     def answered(self, answer: Detections, now_ns: int) -> None:
         if answer.header.origin in self.truths:
@@ -92,7 +93,7 @@ class ScalarJudge:
         self.visible += [(now_ns, class_of(it.label), *it.location[:2]) for it in real]
 
     def judge(self, what: str, image: Image, objects: Sequence[Detection], real: Any) -> None:
-        now_ns, _, car = image.header
+        now_ns, stream, car = image.header
         truth = self.truths[car]
         ours: list[Any] = [
             it for it in objects if truth.knows(it.label) and _sees(image, it.location, truth)
@@ -123,6 +124,7 @@ class ScalarJudge:
             method=self.method,
             what=what,
             car=car,
+            stream=stream,
             stamp_ns=now_ns,
             held=len(counted),
             right=len(matched),
@@ -143,21 +145,20 @@ class ScalarJudge:
 
     def follow(self, image: Image, judged: Sequence[tuple[Any, str]]) -> None:
         now_ns, stream, car = image.header
-        earlier = self.open[car].get(stream, {})
-        current = self.open[car][stream] = {}
-        for it, word in judged:
-            key = it.label, it.location[0], it.location[1], word
-            current[key] = earlier.pop(key, now_ns)
-        self.end(car, earlier, now_ns)
+        open_ns = self.open.setdefault((car, stream), {})
+        keys = dict.fromkeys((it.label, *it.location[:2], word) for it, word in judged)
+        for key in [key for key in open_ns if key not in keys]:
+            self.end(car, stream, key, begin_ns=open_ns.pop(key), end_ns=now_ns)
+        for key in keys:
+            open_ns.setdefault(key, now_ns)
 
-    def end(self, car: str, begins_ns: Mapping[tuple[Any, ...], int], end_ns: int | None) -> None:
-        for key, begin_ns in begins_ns.items():
-            self.objects.append(HeldObjectRow(self.method, car, *key, begin_ns, end_ns))
+    def end(self, car: str, stream: str, key: Any, begin_ns: int, end_ns: int | None) -> None:
+        self.objects.append(HeldObjectRow(self.method, car, stream, *key, begin_ns, end_ns))
 
     def close(self) -> None:
-        for car, streams in self.open.items():
-            for begins_ns in streams.values():
-                self.end(car, begins_ns, None)
+        for camera, open_ns in self.open.items():
+            for key, begin_ns in open_ns.items():
+                self.end(*camera, key, begin_ns=begin_ns, end_ns=None)
 
 
 def _sees(image: Image, location: Location | None, truth: DriveTruth) -> bool:

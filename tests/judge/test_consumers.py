@@ -34,18 +34,6 @@ from tests.make import S, seen
 NOTHING = Frame([])
 
 
-def test_each_cause_is_counted_in_its_own_column():
-    """One duplicate, two that never were there, three that moved away."""
-    before = Frame([thing("car", 10.0), thing("car", 10.0, 4.0), thing("car", 10.0, -4.0)])
-    after = Frame([thing("person", 25.0)])
-    moved = [seen(10.0), seen(10.0, 4.0), seen(10.0, -4.0)]
-    never = [seen(35.0), seen(35.0, 4.0)]
-    twice = [seen(25.0, label="person"), seen(26.5, label="person")]
-    row = last((before, [*moved, *never, *twice]), (after, None))
-    assert (row["moved_away"], row["never_there"], row["duplicate"]) == (3, 2, 1)
-    assert (row["held"], row["right"]) == (7, 1)
-
-
 def test_three_metres_from_a_car_is_no_duplicate_of_it():
     """A duplicate is within reach: 2 m."""
     frame = Frame([thing("car", 20.0)])

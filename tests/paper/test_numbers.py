@@ -23,6 +23,7 @@ from genie_sim.paper.numbers import (
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.record.tables import Table
+from tests import make
 from tests.paper.notation import number
 
 MS, S = 1_000_000, 1_000_000_000
@@ -57,37 +58,37 @@ def frames(lap_of=lambda frame: 0):
     return table.columns()
 
 
-def lookup(
-    second, genie, kind, requests, hits, requester=None, updates=0, boost_sum=0.0, entries=1
-):
-    placement = "edge" if genie.startswith("edge") else "car"
-    t_ns = round((BEGIN_S + second) * S)
-    frame = ("car1", "camera_02", t_ns)
-    counts = (requests, hits, updates, boost_sum, entries)
-    return ("genie", t_ns, f"{genie}/genie", placement, kind, requester, *frame, None, *counts)
+def lookup(second, genie, kind, requests, **cells):
+    return make.row(
+        LOOKUPS,
+        method="genie",
+        t_ns=round((BEGIN_S + second) * S),
+        genie=f"{genie}/genie",
+        placement="edge" if genie.startswith("edge") else "car",
+        kind=kind,
+        requests=requests,
+        **{"entries": 1, **cells},
+    )
 
 
 IMAGES = [
-    lookup(0, "car1", "image", 50, 10, "client", entries=40),
-    lookup(0.5, "edge1", "image", 50, 0, "neighbour", entries=50),
-    lookup(0.6, "edge1", "image", 50, 30, "client", entries=60),
-    lookup(0.7, "edge1", "image", 50, 10, "client", entries=70),
-    lookup(1, "car1", "image", 50, 40, "client", entries=50),
-    lookup(2, "car1", "image", 50, 35, "client", entries=65),
+    lookup(0, "car1", "image", 50, hits=10, requester="client", entries=40),
+    lookup(0.5, "edge1", "image", 50, hits=0, requester="neighbour", entries=50),
+    lookup(0.6, "edge1", "image", 50, hits=30, requester="client", entries=60),
+    lookup(0.7, "edge1", "image", 50, hits=10, requester="client", entries=70),
+    lookup(1, "car1", "image", 50, hits=40, requester="client", entries=50),
+    lookup(2, "car1", "image", 50, hits=35, requester="client", entries=65),
 ]
 MAPS = [
-    lookup(0, "car1", "sighting", 10, 2, updates=2, boost_sum=0.1, entries=5),
-    lookup(0.3, "car2", "sighting", 10, 10, updates=8, boost_sum=0.2, entries=2),
-    lookup(0.4, "edge1", "sighting", 20, 5, updates=4, boost_sum=0.04, entries=8),
-    lookup(1, "car1", "boost", 10, 8, updates=8, boost_sum=0.3, entries=6),
+    lookup(0, "car1", "sighting", 10, hits=2, updates=2, boost_sum=0.1, entries=5),
+    lookup(0.3, "car2", "sighting", 10, hits=10, updates=8, boost_sum=0.2, entries=2),
+    lookup(0.4, "edge1", "sighting", 20, hits=5, updates=4, boost_sum=0.04, entries=8),
+    lookup(1, "car1", "boost", 10, hits=8, updates=8, boost_sum=0.3, entries=6),
 ]
 
 
 def lookups(rows=(*IMAGES, *MAPS)):
-    table = Table(LOOKUPS)
-    for row in sorted(rows, key=lambda row: row[1]):
-        table.append(row)
-    return table.columns()
+    return make.table(LOOKUPS, *sorted(rows, key=lambda row: row[1])).columns()
 
 
 def resources():
@@ -106,22 +107,9 @@ def resources():
         ("remote", 4, "edge1.cpu", "cpu", 9000, 100),
         ("genie", 4, "car1->edge1", "link", 9000, 100),
     ):
-        table.append(
-            (
-                method,
-                (BEGIN_S + second) * S,
-                resource,
-                kind,
-                1,
-                busy_ms * MS,
-                0,
-                completed,
-                0,
-                None,
-                0,
-                0,
-            )
-        )
+        busy = {"capacity": 1, "busy_ns": busy_ms * MS, "completed": completed}
+        where = {"method": method, "resource": resource, "kind": kind}
+        table.append(make.row(RESOURCES, t_ns=(BEGIN_S + second) * S, **where, **busy))
     return table.columns()
 
 
@@ -220,8 +208,8 @@ def test_what_did_not_happen_is_not_a_number():
     assert math.isnan(numbers[placed("image_peak_at", "car")])
     assert placed("image_reuse_highest", "car") not in numbers
     never = [
-        lookup(0, "car1", "image", 50, 0, "client"),
-        lookup(1, "car1", "image", 50, 0, "client"),
+        lookup(0, "car1", "image", 50, hits=0, requester="client"),
+        lookup(1, "car1", "image", 50, hits=0, requester="client"),
     ]
     numbers = numbers_of(frames(), lookups(never), resources())
     assert math.isnan(numbers[placed("image_peak_at", "car")]), "nothing was ever reused"

@@ -5,10 +5,6 @@ memory.
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -83,48 +79,50 @@ def test_rows_with_a_value_too_few_or_too_many_are_refused():
 
 def some_objects(table: Table, at_once: int = 1) -> Table:
     rows = []
-    for t_ns in range(150_000):
+    for t_ns in range(27_000):
         label = "car" if t_ns % 3 else "bus"
-        rows += ("genie", t_ns, f"car{9 - t_ns // 20_000}/genie", 7, label, float(t_ns), -1.0, 0.5)
+        rows += ("genie", t_ns, f"car{9 - t_ns // 3_600}/genie", 7, label, float(t_ns), -1.0, 0.5)
         if t_ns % at_once == at_once - 1:
             table.extend(rows)
             rows = []
     return table
 
 
-@pytest.mark.slow
-def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
-    """And few of them are in memory: that is what it is for."""
+def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path, monkeypatch):
+    """And most of them are there before it is written: that is what it is for."""
+    monkeypatch.setattr(tables, "ROWS_PER_GROUP", 12_288)
     here, spilled = (
         some_objects(Table(OBJECTS)),
         some_objects(Table(OBJECTS, tmp_path / "objects.partial")),
     )
-    assert len(spilled) == len(here) == 150_000
-    assert spilled.size_bytes < here.size_bytes / 5
+    assert len(spilled) == len(here) == 27_000
+    before_bytes = (tmp_path / "objects.partial").stat().st_size
     spilled.write(tmp_path / "objects.parquet")
+    assert before_bytes > 0.8 * (tmp_path / "objects.parquet").stat().st_size
     pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
     assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
     told = pq.ParquetFile(tmp_path / "objects.parquet").metadata
     assert [told.row_group(place).num_rows for place in range(told.num_row_groups)] == [
-        65_536,
-        65_536,
-        18_928,
+        12_288,
+        12_288,
+        2_424,
     ]
     assert list(spilled.to_frame().genie.cat.categories) == sorted(here.to_frame().genie.unique())
     some_objects(Table(OBJECTS, tmp_path / "partial"), at_once=30).write(tmp_path / "in_thirties")
     assert (tmp_path / "in_thirties").read_bytes() == (tmp_path / "objects.parquet").read_bytes()
 
 
-def test_rows_of_other_tables_can_follow_and_leave_the_same_bytes(tmp_path):
+def test_rows_of_other_tables_can_follow_and_leave_the_same_bytes(tmp_path, monkeypatch):
     """Wherever the rows of one end and those of the next begin, in memory or in a file."""
+    monkeypatch.setattr(tables, "ROWS_PER_GROUP", 12_288)
     whole = some_objects(Table(OBJECTS, tmp_path / "whole.partial"))
     whole.write(tmp_path / "whole")
     columns = tables.read(tmp_path / "whole", OBJECTS)
     for name, spill in (("here", None), ("spilled", tmp_path / "spilled.partial")):
         joined = Table(OBJECTS, spill)
-        for rows in (slice(0, 70_001), slice(70_001, 70_001), slice(70_001, None)):
+        for rows in (slice(0, 14_001), slice(14_001, 14_001), slice(14_001, None)):
             joined.extend_columns(columns.rows(rows))
-        assert len(joined) == 150_000
+        assert len(joined) == 27_000
         joined.write(tmp_path / name)
     some_objects(Table(OBJECTS)).write(tmp_path / "in memory")
     assert (tmp_path / "here").read_bytes() == (tmp_path / "in memory").read_bytes()
@@ -184,26 +182,6 @@ def test_a_table_without_rows_is_a_table(schema, tmp_path):
     assert empty.names[0] == "method"
 
 
-@pytest.mark.process
-def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
-    script = (
-        "import sys; from pathlib import Path; from tests.record.test_records import"
-        " a_short_drive as drive; "
-    )
-    script += "drive(5).write(Path(sys.argv[1]))"
-    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
-    for path, hash_seed in zip(paths, ("0", "4711"), strict=True):
-        environment = os.environ | {
-            "PYTHONHASHSEED": hash_seed,
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        }
-        here = str(Path(__file__).parents[2])
-        subprocess.run(
-            [sys.executable, "-c", script, str(path)], env=environment, cwd=here, check=True
-        )
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-
-
 def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "ROWS_PER_GROUP", 4)
     table = a_short_drive(frames=5)
@@ -211,16 +189,6 @@ def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
     file = pq.ParquetFile(tmp_path / "frames.parquet")
     assert [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)] == [4, 4, 2]
     assert list(file.read().to_pandas().frame) == [*range(5), *range(5)]
-
-
-def test_a_logged_frame_takes_less_than_120_bytes():
-    """Against 360 for a dict a row."""
-    table = Table(FRAMES)
-    for frame in range(20_000):
-        row = OpenFrame("genie", Header(frame, "camera_02", "car1"), frame)
-        row.received_ns = frame
-        table.append(row.values())
-    assert table.size_bytes / len(table) < 120
 
 
 def test_a_column_that_is_never_empty_refuses_none():
@@ -231,13 +199,6 @@ def test_a_column_that_is_never_empty_refuses_none():
         table.append(frame.values())
         with pytest.raises(TypeError, match="is never empty"):
             table.to_frame()
-
-
-def test_a_column_says_so_if_it_may_be_empty():
-    table = Table(Schema("one", "a row", (Column("name", "int64", "", ""),)))
-    table.append((None,))
-    with pytest.raises(TypeError, match="is never empty"):
-        table.to_frame()
 
 
 ONE_OF_EACH = Schema(
@@ -345,4 +306,4 @@ def test_a_large_table_of_a_run_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr("genie_sim.base.parquet.MAX_SMALL_BYTES", 0)
     path = tmp_path / "objects.parquet"
     some_objects(Table(OBJECTS), at_once=30).write(path)
-    assert len(tables.read(path, OBJECTS)) == 150_000
+    assert len(tables.read(path, OBJECTS)) == 27_000

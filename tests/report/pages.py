@@ -23,9 +23,11 @@ EVIL = (
 
 
 def replay_of(page: str) -> dict:
-    """The replay of a page, as its script reads it."""
+    """The replay of a page, as its script reads it, without the signs that say how columns are
+    packed.
+    """
     (text,) = re.findall(r'<script type="text/plain" id="data">(.*?)</script>', page)
-    return json.loads(zlib.decompress(base64.b64decode(text)))
+    return json.loads(re.sub(rb'[+@]":', b'":', zlib.decompress(base64.b64decode(text))))
 
 
 def asked_for(browser: Browser) -> list[str]:

@@ -124,9 +124,9 @@ def test_everything_says_what_is_not_counted(runs: tuple[Run, Run]):
         screen.header,
         summary.markdown,
         lambda one: one.footer,
-        lambda one: pages.of_run(one, drawn={}),
+        lambda one: pages.of_run(one, {}),
     )
     for show in shown:
         assert said in show(warm) and said not in show(whole)
-    shown = replay_data(warm, 0, [])
+    shown, _ = replay_data(warm, 0)
     assert shown is not None and shown["begin_us"] == 1_000_000

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from genie_sim.base import settings
 from genie_sim.base.plugins import Choice
@@ -33,41 +31,6 @@ def link(value: object) -> Wire:
     made = LINK.make(read(value))
     assert isinstance(made, Wire)
     return made
-
-
-def test_an_image_takes_11_87_ms_on_gigabit_ethernet() -> None:
-    gigabit = link("ethernet_1g")
-    assert gigabit.rate_up_bps is not None
-    assert gigabit.link_bits(IMAGE_BYTES) / gigabit.rate_up_bps == pytest.approx(11.87e-3, abs=5e-6)
-
-
-@given(st.integers(1, 10**9))
-def test_every_segment_has_its_overhead(size: int) -> None:
-    bits = link("ethernet_1g").link_bits(size)
-    segments = (bits // 8 - size) // 90
-    assert bits == (size + 90 * segments) * 8
-    assert (segments - 1) * 1448 < size <= segments * 1448
-
-
-def test_an_empty_message_takes_nothing() -> None:
-    assert link("ethernet_1g").link_bits(0) == 0
-
-
-def test_the_ideal_link_is_no_link() -> None:
-    ideal = link("ideal")
-    assert (
-        ideal.rate_up_bps,
-        ideal.rate_down_bps,
-        ideal.delay_ns,
-        ideal.jitter_ns,
-        ideal.loss,
-    ) == (
-        None,
-        None,
-        0,
-        0,
-        0,
-    )
 
 
 def test_only_a_wire_carries_the_four_cameras_of_a_car() -> None:

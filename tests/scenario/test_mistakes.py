@@ -250,6 +250,7 @@ def test_a_mistake_names_its_field_and_kind(
     ("text", "line"),
     [
         ("edges: []\n", "x.yaml: cars: missing"),
+        (STREET + "ttl: 3 s\n", "x.yaml: ttl: unknown field; did you mean 'genie.ttl'?"),
         ("- a\n", "x.yaml: is a list; expected a mapping such as 'name: value'"),
         (
             STREET + "genie: {eviction: lruu}\n",

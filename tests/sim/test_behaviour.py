@@ -4,10 +4,6 @@ among neighbours.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -301,49 +297,3 @@ def test_the_same_seed_gives_the_same_tables_and_another_seed_others():
     for name, table in first.items():
         assert rows(table) == rows(again[name])
         assert rows(table) != rows(other[name])
-
-
-WRITE_TABLES = """
-import hashlib, sys
-from pathlib import Path
-from tests.make import build, scenario
-
-lossy = {"like": "wifi", "loss": 0.05}
-device = {"device": "jetson_tx2", "link": lossy}
-setting = scenario([{"name": f"car{i}", "edge": f"edge{i}", **device} for i in (1, 2)])
-tables = None
-for method in setting.methods:
-    world, tables = build(setting, method.name, tables=tables)
-    world.run()
-for table in (tables["frames"], tables["lookups"], tables["resources"]):
-    path = Path(f"{table.name}.parquet")
-    table.write(path)
-    print(table.name, len(table), hashlib.sha256(path.read_bytes()).hexdigest())
-"""
-
-
-@pytest.mark.process
-def test_tables_have_the_same_bytes_under_any_hash_seed(tmp_path: Path):
-    """Processes of their own, as PYTHONHASHSEED is read at the start; the order of no set or dict
-    may show.
-    """
-    tests = Path(__file__).resolve().parent.parent
-    written = set()
-    for hash_seed in ("0", "4242"):
-        environment = {
-            **os.environ,
-            "PYTHONHASHSEED": hash_seed,
-            "PYTHONPATH": f"{tests.parent}{os.pathsep}{tests}",
-        }
-        done = subprocess.run(
-            [sys.executable, "-c", WRITE_TABLES],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        )
-        written.add(done.stdout)
-    assert len(written) == 1
-    assert all(int(line.split()[1]) > 100 for line in written.pop().splitlines())

@@ -68,6 +68,7 @@ def test_the_mean_rate_is_kept_over_jitter_and_gaps_are_not_made_up_for():
         count = sum(begin_ms <= stamp < end_ms for stamp in taken_ms)
         assert count == pytest.approx((end_ms - begin_ms) / 1000 * 3.0, abs=1)
     assert min(b - a for a, b in pairwise(taken_ms)) > 200
+    assert thinned(frames[:2], 3.0) == frames[:1]
 
 
 def test_more_pictures_than_were_recorded_are_refused():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,8 +11,8 @@ from genie_sim.runs.build import device as built_device
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host
 from genie_sim.sim.link import Bridge, Link
-from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, Interceptor
-from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
+from genie_sim.sim.method import IMAGES, HostConfig, Interceptor
+from genie_sim.sim.nodes import attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
 from tests.make import build, fixed_device, scenario
@@ -82,15 +81,20 @@ def clerk(
     return node
 
 
+def inject(node: Clerk, *topics: str) -> None:
+    """Numbered notes at once, on these topics; then all that follows."""
+    for number, topic in enumerate(topics):
+        node.graph.inject(topic, Note(number), "sender")
+    node.clock.run()
+
+
 # Queues
 
 
 def test_the_newest_notes_are_kept_and_the_others_counted():
     dropped: list[tuple[int, str]] = []
     node = clerk(dropped=lambda note, where: dropped.append((note.header.stamp_ns, where)))
-    for number in range(5):
-        node.graph.inject("/notes", Note(number), "sender")
-    node.clock.run()
+    inject(node, *["/notes"] * 5)
     assert [number for _, number, _ in node.done] == [0, 4], "the first was at work already"
     assert dropped == [(1, "clerk:/notes"), (2, "clerk:/notes"), (3, "clerk:/notes")]
     assert (node.completed, node.drops, node.queued) == (2, 3, 0)
@@ -98,17 +102,13 @@ def test_the_newest_notes_are_kept_and_the_others_counted():
 
 def test_of_a_longer_queue_the_oldest_goes_first():
     node = clerk(queue_length=2)
-    for number in range(5):
-        node.graph.inject("/notes", Note(number), "sender")
-    node.clock.run()
+    inject(node, *["/notes"] * 5)
     assert [number for _, number, _ in node.done] == [0, 3, 4]
 
 
 def test_topics_do_not_push_each_other_out_and_are_served_in_order_of_arrival():
     node = clerk(topics=("/a", "/b"))
-    for number, topic in enumerate(("/a", "/b", "/a", "/b", "/a")):
-        node.graph.inject(topic, Note(number), "sender")
-    node.clock.run()
+    inject(node, "/a", "/b", "/a", "/b", "/a")
     assert node.done == [(WORK_NS, 0, "/a"), (2 * WORK_NS, 3, "/b"), (3 * WORK_NS, 4, "/a")]
     assert node.drops == 2
 
@@ -128,9 +128,7 @@ def test_a_graph_is_busy_as_long_as_one_of_its_nodes_is():
 
 def test_threads_work_at_the_same_time():
     node = clerk(threads=3)
-    for number in range(4):
-        node.graph.inject("/notes", Note(number), "sender")
-    node.clock.run()
+    inject(node, *["/notes"] * 4)
     assert [at_ns for at_ns, *_ in node.done] == [WORK_NS] * 3 + [2 * WORK_NS]
     assert node.drops == 0
 
@@ -220,56 +218,6 @@ def test_a_remapped_node_talks_on_other_topics_under_its_old_names():
     assert (old.heard, new.heard) == ([], [("/out-local", 3, "node")])
     assert (node.subscribes, node.publishes) == (("/in",), ("/out",))
     assert graph.topics_of("node") == (("/in-local",), ("/out-local",))
-
-
-def detector_of(method: str, place: str) -> DetectorNode:
-    world, _ = build(scenario(2), method)
-    return next(
-        one
-        for one in world.network.resources
-        if isinstance(one, DetectorNode) and one.name == f"{place}/{DETECTOR}"
-    )
-
-
-@pytest.mark.parametrize("place", ["car1", "edge2"])
-def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
-    """The node's class, code and topics are the same with Genie and without; only the master knows
-    better.
-    """
-    plain, encapsulated = detector_of("local", place), detector_of("genie", place)
-    assert type(plain) is type(encapsulated) is DetectorNode
-    own = ("subscribes", "publishes", "name")
-    assert {name: getattr(plain, name) for name in own} == {
-        name: getattr(encapsulated, name) for name in own
-    }
-    assert plain.graph.queue_length == encapsulated.graph.queue_length
-    assert dir(plain) == dir(encapsulated), "nothing was added to it"
-    for code in ("work", "handle", "publish", "deliver"):
-        assert code not in getattr(encapsulated, "__dict__", {}), "its code is that of its class"
-    assert plain.graph.topics_of(plain.name) == ((IMAGES,), (OBJECTS,))
-    assert encapsulated.graph.topics_of(plain.name) == ((f"{IMAGES}-local",), (f"{OBJECTS}-local",))
-
-
-@pytest.mark.parametrize("place", ["car1", "edge2"])
-def test_the_genie_takes_over_the_topics_that_the_master_names(place: str):
-    world, _ = build(scenario(2), "genie")
-    genie = next(
-        one
-        for one in world.network.resources
-        if isinstance(one, InterceptorNode) and one.name == f"{place}/genie"
-    )
-    assert set(genie.subscribes) == {
-        IMAGES,
-        f"{IMAGES}-remote",
-        f"{OBJECTS}-local",
-        f"{OBJECTS}-remote",
-    }
-    assert set(genie.publishes) == {
-        f"{IMAGES}-local",
-        f"{IMAGES}-remote",
-        OBJECTS,
-        f"{OBJECTS}-remote",
-    }
 
 
 def test_any_node_can_be_encapsulated_whatever_its_topics():

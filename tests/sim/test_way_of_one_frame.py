@@ -111,21 +111,6 @@ def test_a_frame_is_received_one_hop_after_its_stamp():
     assert all(rows["received"].tolist() == [CAR_HOP_IMAGE] for rows in frames(ONE_FRAME).values())
 
 
-def test_local():
-    row = frames(ONE_FRAME)["local"].loc[0]
-    assert answers(row) == (OWN_DETECTOR, OWN_DETECTOR, "own_detector")
-    assert OWN_DETECTOR == 303_395_446
-    assert row["objects_served"] == 1
-
-
-def test_remote():
-    row = frames(ONE_FRAME)["remote"].loc[0]
-    answer = UP + EDGE_DETECTOR + DOWN
-    assert answers(row) == (answer, answer, "edge_detector")
-    assert answer == 75_572_324
-    assert row["objects_served"] == 1
-
-
 SENT_BYTES = 100_000  # one object was lost, two are new
 SENT = Trace(
     "sent",
@@ -186,12 +171,6 @@ def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection
     assert (row["objects_served"], row["objects_fresh"]) == (0, 1)
 
 
-def test_genie_that_blocks_answers_a_miss_once():
-    row = frames(ONE_FRAME, genie={"miss_policy": "blocking"})["genie"].loc[0]
-    fresh = FIRST_LOOK + UP + EDGE_GENIE + EDGE_DETECTION + DOWN + LAST_STEP
-    assert answers(row) == (fresh, fresh, "edge_detector")
-
-
 def test_a_fast_car_s_own_detection_comes_before_the_edge_s():
     row = frames(ONE_FRAME, detector="20 ms", genie={"miss_policy": "blocking"})["genie"].loc[0]
     fresh = FIRST_LOOK + CAR_HOP_IMAGE + 20 * MS + CAR_HOP_ANSWER + LAST_STEP
@@ -221,36 +200,6 @@ def test_genie_answers_a_miss_with_what_its_map_knows_to_be_in_view():
     assert answers(rows.loc[1])[0] == FIRST_LOOK + CAR_HOP_ANSWER
 
 
-def test_a_coalesced_frame_gets_the_answer_to_the_frame_it_waits_for():
-    """The second frame is taken 50 ms later at the same spot, while the first is pending."""
-    rows = frames(trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)))["genie"]
-    assert rows["coalesced"].tolist() == [False, True]
-    assert rows.loc[0, "result_answer_ns"] == rows.loc[1, "result_answer_ns"]
-    assert answers(rows.loc[1]) == (
-        FIRST_LOOK + CAR_HOP_EMPTY,
-        answers(rows.loc[0])[1] - 50 * MS,
-        "map",
-    )
-
-
-def test_the_edge_s_cache_answers_the_second_car_of_the_same_edge():
-    cars = [car("car1", "edge1"), car("car2", "edge1", start="1 s")]
-    rows = frames(ONE_FRAME, cars, genie={"miss_policy": "blocking"})["genie"]
-    fresh = FIRST_LOOK + UP + EDGE_GENIE + DOWN + LAST_STEP
-    assert answers(rows.loc[1]) == (fresh, fresh, "edge_cache")
-
-
-def test_another_car_s_edge_answers_before_one_s_own_has_detected_anything():
-    """edge2 asks edge1 over the edge network, and starts its own detector meanwhile."""
-    cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
-    rules = {"miss_policy": "blocking", "share_answers": "on_request"}
-    rows = frames(ONE_FRAME, cars, genie=rules)["genie"]
-    there_and_back = EDGE_HOP_IMAGE + LINK_IMAGE + EDGE_GENIE + EDGE_HOP_ANSWER + LINK_ANSWER
-    fresh = FIRST_LOOK + UP + EDGE_GENIE + there_and_back + EDGE_GENIE + DOWN + LAST_STEP
-    assert answers(rows.loc[1]) == (fresh, fresh, "peer_cache")
-    assert there_and_back < EDGE_DETECTION
-
-
 def test_edges_pass_encoded_pictures_on_and_each_decodes_them():
     cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
     rules = {"miss_policy": "blocking", "share_answers": "on_request"}
@@ -278,23 +227,6 @@ def test_edges_pass_encoded_pictures_on_and_each_decodes_them():
         + 800
     )
     assert answers(row) == (fresh, fresh, "peer_cache")
-
-
-def test_what_an_edge_has_detected_is_on_the_other_edges_when_the_next_car_asks_there():
-    cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
-    rows = frames(ONE_FRAME, cars, genie={"miss_policy": "blocking"})["genie"]
-    fresh = FIRST_LOOK + UP + EDGE_GENIE + DOWN + LAST_STEP
-    assert answers(rows.loc[1]) == (fresh, fresh, "edge_cache")
-
-
-def test_frames_taken_together_follow_each_other_on_the_wire_and_through_the_detector():
-    both = [{"name": name, "recording": "02"} for name in ("camera_02", "camera_03")]
-    rows = frames(ONE_FRAME, cameras=both)["remote"]
-    first, second = rows["result_answer"]
-    assert first == UP + EDGE_DETECTOR + DOWN
-    assert second == first + EDGE_DETECTOR, (
-        "it waits on the wire, and then for the rest of the first detection"
-    )
 
 
 def test_frames_taken_together_wait_for_the_only_core_of_a_cpu():

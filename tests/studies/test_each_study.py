@@ -106,7 +106,8 @@ def test_the_study_of_the_pace(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("start", [pytest.param("cold", marks=pytest.mark.nightly), "warm"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("start", ["cold", "warm"])
 def test_the_study_of_other_caches(start: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(baselines, "bytes_of_largest_map", lambda: 94_800)
     monkeypatch.setattr(baselines, "CONSUMERS", {"set": "consumer", "list": ["tracker"]})

@@ -9,6 +9,7 @@ from tests.study import kills
 
 @pytest.mark.slow
 @pytest.mark.process
+@pytest.mark.nightly
 @pytest.mark.unix
 def test_a_run_killed_at_random_instants_loses_nothing(capsys: pytest.CaptureFixture[str]):
     assert kills.main(["--kills", "2", "--only", "run"]) == 0, capsys.readouterr().out

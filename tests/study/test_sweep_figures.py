@@ -109,7 +109,7 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width_in", [7.16, 3.5, 3.33])
+@pytest.mark.parametrize("width_in", [7.16, 3.33])
 @pytest.mark.parametrize("many", [False, True], ids=["few values", "many values"])
 def test_nothing_is_clipped_or_overlaps_at_any_width(width_in: float, many: bool):
     rates, decades = [0.1, 0.2, 0.5], {"list": [0.1, 0.2, 0.5]}

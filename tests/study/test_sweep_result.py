@@ -64,13 +64,11 @@ def swept() -> sweep.Sweep:
 
 def test_the_table_has_a_row_for_each_point_and_method(swept: sweep.Sweep):
     lines = swept.text().splitlines()
-    assert (
-        lines[0]
-        == "| rate, rule: method | first answer, mean [ms] | frames with a fresh result [%] |"
-    )
-    assert lines[1] == "|---|---:|---:|"
-    assert lines[2] == "| 0, rule0: local (L) | 0.5 | - |"
-    assert lines[5] == "| 0.1, rule1: Genie (DG) | 1.5 | 150 |"
+    titles = "first answer, mean [ms] | frames with a fresh result [%]"
+    assert lines[0] == f"| rate | rule | method | {titles} |"
+    assert lines[1] == "|---|---|---|---:|---:|"
+    assert lines[2] == "| 0 | rule0 | local (L) | 0.5 | - |"
+    assert lines[5] == "| 0.1 | rule1 | Genie (DG) | 1.5 | 150 |"
     assert len(lines) == 2 + 52
 
 
@@ -92,7 +90,7 @@ def test_a_paper_has_intervals_and_the_first_rows_alone(swept: sweep.Sweep):
     assert "Sweep my\\_sweep of " in text and "main results along rate and rule" in text
     assert r"\label{tab:my-sweep}" in text
     assert "[0.4, 0.6]" in text and "[1.4, 1.6]" in text, "intervals stand below their values"
-    assert "Genie (DG)" in text and text.count("rule24") == 2 and "rule25" not in text
+    assert "Genie (DG)" in text and text.count("rule24") == 1 and "rule25" not in text
 
 
 def test_a_spreadsheet_has_every_number(swept: sweep.Sweep):

@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -174,41 +173,6 @@ def test_jitter_keeps_the_order_and_its_bounds(messages: list[tuple[int, int]]):
     for (_, with_ns), (_, without_ns) in zip(shaken.arrived, steady.arrived, strict=True):
         assert 0 <= with_ns - without_ns <= jitter_ns
     assert all(earlier[1] <= later[1] for earlier, later in pairwise(shaken.arrived))
-
-
-def test_jitter_is_uniform_from_zero_to_its_limit():
-    """Mean of a uniform draw: half the limit (1000 messages, seed 1, margin 4 standard errors)."""
-    limit_ns, count = 4_000_000, 1000
-    line = Line(wire(jitter_ns=limit_ns))
-    for number in range(count):
-        line.send(number * 100_000_000, number)
-    line.run()
-    least_ns = LAN.link_bits(IMAGE_BYTES) + LAN.delay_ns
-    late_ns = np.array([at_ns - number * 100_000_000 - least_ns for number, at_ns in line.arrived])
-    error_ns = limit_ns / math.sqrt(12 * count)
-    print(
-        f"\nmean jitter {late_ns.mean():.0f} ns, expected {limit_ns / 2:.0f} +- {4 * error_ns:.0f}"
-    )
-    assert abs(late_ns.mean() - limit_ns / 2) < 4 * error_ns
-    assert late_ns.min() >= 0 and late_ns.max() <= limit_ns
-
-
-@pytest.mark.parametrize("loss", [0.01, 0.3])
-def test_messages_are_lost_with_the_profile_s_probability(loss: float):
-    """The share lost is binomial (4000 messages, seed 3; the 99.9 % interval around the
-    probability).
-    """
-    from scipy.stats import binom
-
-    count = 4000
-    line = Line(wire(loss=loss), seed=3)
-    for number in range(count):
-        line.send(number * 20_000_000, number)
-    line.run()
-    low, high = binom.interval(0.999, count, loss)
-    print(f"\nlost {len(line.lost)} of {count}, expected from {low:.0f} to {high:.0f}")
-    assert low <= len(line.lost) <= high
-    assert sorted(line.lost + [number for number, _ in line.arrived]) == list(range(count))
 
 
 @pytest.mark.parametrize(("loss", "arrive"), [(0.0, 50), (1.0, 0)])

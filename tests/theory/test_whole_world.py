@@ -70,6 +70,7 @@ def test_the_law_in_use_is_log_normal_and_spread():
     assert drawn.var() / drawn.mean() ** 2 == pytest.approx(squared_variation(law), rel=0.05)
 
 
+@pytest.mark.nightly
 def test_detections_on_a_host_match_m_g_1():
     """A host's accelerator as nodes use it: the host draws the times, from the log-normal law."""
     made = replace(device(), detector_time=replace(device().detector_time, loc=0.2, sigma=0.8))

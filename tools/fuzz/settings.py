@@ -21,11 +21,10 @@ from genie_sim.analysis.seed_runs import load_run
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
+from genie_sim.kinds import Run
 from genie_sim.record.provenance import digests
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
-from genie_sim.report import pages
-from genie_sim.report.template import NAME, write
 from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -285,7 +284,7 @@ def result_folders(folder: Path) -> Case:
             ):
                 rerun(run)
         elif what == 1:
-            write(folder / NAME, pages.of_run(load_run(run)))
+            Run.read(run).report()
         elif what == 2:
             compare_tables.text(compare([load_run(run)], ()), "csv")
         else:

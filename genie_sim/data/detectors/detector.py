@@ -62,26 +62,23 @@ class DetectorSettings:
     encoding: Encoding = "raw"
     classes: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "providers", (*self.providers,))
+
+    def unusual(self, *names: str) -> dict[str, Any]:
+        """Those of these settings that are not as usual."""
+        usual = DetectorSettings()
+        values = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in values.items() if value != getattr(usual, name)}
+
     def opened(self) -> ImageDetector:
         """The detector with these settings. Raises UserError."""
         kind = plugins.resolve("detector", self.name, DETECTORS, ("detect", "file_name"))
         path = find_weights(kind.file_name, self.weights)
-        network: dict[str, Any] = {}  # what is not as usual: a detector of one's own may take none
-        if (*self.providers,) != (CPU,):
-            network["providers"] = self.providers
-        if self.threads != 1:
-            network["threads"] = self.threads
-        if self.classes:
-            network["classes"] = self.classes
-        detector: ImageDetector = plugins.call(
-            "detector",
-            self.name,
-            kind,
-            path,
-            size=self.size,
-            min_score=self.min_score,
-            **network,
-        )
+        settings = {"size": self.size, "min_score": self.min_score}
+        # a detector of one's own may take none of these
+        settings |= self.unusual("providers", "threads", "classes")
+        detector: ImageDetector = plugins.call("detector", self.name, kind, path, **settings)
         if isinstance(detector, ThreadedDetector):
             threads: object = detector.threads
             if not (isinstance(threads, int) and threads > 0):

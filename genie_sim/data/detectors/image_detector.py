@@ -155,8 +155,8 @@ def _is_detected_box(found: Any) -> bool:
         return False
     if not (isinstance(found, tuple) and isinstance(label, str) and label):
         return False
-    for value in (score, x1, y1, x2, y2):
-        number: Any = value  # a Real, whose comparisons have no types
-        if not isinstance(value, Real) or isinstance(value, bool) or not abs(number) < FARTHEST_PX:
-            return False
-    return bool(0 <= score <= 1 and x1 <= x2 and y1 <= y2)
+    numbers = (score, x1, y1, x2, y2)
+    if any(not isinstance(x, Real) or isinstance(x, bool) for x in numbers):
+        return False
+    is_near = all(abs(x) < FARTHEST_PX for x in numbers)
+    return bool(is_near and 0 <= score <= 1 and x1 <= x2 and y1 <= y2)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, inverse
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, regular, sha256_of
@@ -146,14 +146,11 @@ def open_drive(
     """
     root = Path(root)
     report = report or ImportReport(root)
-    if not cameras or len(set(cameras)) != len(cameras):
+    if not cameras or len(set(cameras)) != len(cameras) or not {*cameras} <= {*CAMERAS}:
         raise UserError(
-            f"cameras: {', '.join(cameras) or 'none'}: name each camera once, "
+            f"cameras: {', '.join(map(str, cameras)) or 'none'}: name each camera once, "
             f"out of {', '.join(CAMERAS)}"
         )
-    for camera in cameras:
-        if camera not in CAMERAS:
-            raise UserError(f"{drive}: {unknown('camera', camera, CAMERAS)}")
     name = DriveName.parse(drive)
     layout_of = odometry_layout if name.part == ODOMETRY else raw_layout
     layout = layout_of(root, name, cameras, origin)

@@ -133,12 +133,7 @@ def _provenance(
         },
     }
     # Only what is not usual: it does not change what most traces say of themselves.
-    if settings.threads != 1:
-        parameters["threads"] = settings.threads
-    if settings.encoding != "raw":
-        parameters["encoding"] = settings.encoding
-    if settings.classes:
-        parameters["classes"] = dict(settings.classes)
+    parameters |= settings.unusual("threads", "encoding", "classes")
     return {
         "data": drive.attribution,
         "drive": drive.name,

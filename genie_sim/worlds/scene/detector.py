@@ -84,7 +84,7 @@ class SyntheticDetector:
         objects: ObjectColumns,
         laws: FittedLaws,
         *,
-        on_grid: bool = True,
+        on_grid: bool,
         view_m: float = MAX_VIEW_M,
     ) -> None:
         """``objects`` are all that may be in view; ``on_grid``: streets lead east and north, as a

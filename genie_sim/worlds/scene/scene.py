@@ -158,6 +158,8 @@ class SceneTruth:
     ``tolerance_m`` of one of its class, and objects up to ``range_m`` away count.
     """
 
+    cameras = None  # of the frames of all of them
+
     def __init__(self, scene: Scene, tolerance_m: float, range_m: float) -> None:
         self._scene, self.tolerance_m, self.range_m = scene, tolerance_m, range_m
 

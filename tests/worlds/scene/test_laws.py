@@ -197,7 +197,8 @@ def test_fleeting_ghosts_are_anywhere_in_view(laws):
     evenly over the bearings, at the ranges of the law; and turned as the camera is.
     """
     nothing = ObjectColumns([], [], [], laws=laws, seed_key=0)
-    detector, law, heading_rad = SyntheticDetector(nothing, laws), laws.fleeting[1], 2.0
+    detector = SyntheticDetector(nothing, laws, on_grid=True)
+    law, heading_rad = laws.fleeting[1], 2.0
     here = 10.0, -20.0, math.cos(heading_rad), math.sin(heading_rad), 0.0
     frames = [mix(key) for key in range(10_000)]
     poses = ViewPoses(
@@ -214,7 +215,7 @@ def test_fleeting_ghosts_are_anywhere_in_view(laws):
     assert np.max(np.abs(bearings_rad)) <= HORIZONTAL_FOV_RAD / 2 + 1e-3
     expected_m = [quantile(law.ranges_m, share) for share in (np.arange(4000) + 0.5) / 4000]
     assert validation.distance(np.hypot(*away_m.T), expected_m) < 0.04
-    near = SyntheticDetector(nothing, laws, view_m=20.0)
+    near = SyntheticDetector(nothing, laws, on_grid=True, view_m=20.0)
     assert [ghost for slot in range(len(frames)) for ghost in near.fleeting(poses, slot)] == [
         ghost for ghost in ghosts if math.dist(ghost.location[:2], here[:2]) <= 20.0
     ]

@@ -50,7 +50,8 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
     view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
     candidates = PlacedObjects(each, each, still, east_m=east_m, north_m=north_m)
     visible = in_view(view_poses, candidates, objects, MAX_VIEW_M)
-    detected = SyntheticDetector(objects, laws).detect(visible, view_poses)
+    detector = SyntheticDetector(objects, laws, on_grid=True)
+    detected = detector.detect(visible, view_poses)
     for number in visible.slot.tolist():
         look = looks[number]
         detection = next(iter(detected.detections(number)), None)
