@@ -13,7 +13,6 @@ from genie_sim.version import VERSION
 if TYPE_CHECKING:
     from genie_sim.api import (
         Comparison,
-        Plots,
         Run,
         Runs,
         Scenario,
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 __version__ = VERSION
 __all__ = [
     "Comparison",
-    "Plots",
     "Run",
     "Runs",
     "Scenario",

@@ -3,7 +3,7 @@
 >>> import genie_sim as gs
 >>> run = gs.run("3car_hetero", {"cars[0].device": "orin_nano"}, seed=7)
 >>> run.frames, run.lookups, run.metrics        # pandas tables
->>> run.plot.latency_cdf()                      # a matplotlib figure
+>>> run.figure("latency_cdf")                   # a matplotlib figure
 >>> runs = gs.run_seeds("3car_hetero", seeds=5) # means with intervals
 >>> run.report("report.html")                   # one page for a browser
 >>> gs.load("results/3car_hetero-2a7842fdfa41") # a run of the command line
@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from genie_sim import kinds
-from genie_sim.analysis.plots import Plots as Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.base import files
 from genie_sim.base.errors import UserError as UserError

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis import seed_runs
-from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.seed_runs import SeedRuns, with_methods
 from genie_sim.base.errors import Suggesting, UserError
@@ -17,6 +16,7 @@ from genie_sim.report.result import Comparison, Result, named
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from genie_sim.scenario.scenario import Scenario
@@ -50,11 +50,6 @@ class _OfRuns(Result):
         names = [method.name for method in self._self.methods]
         return wide.reindex(index=list(places), columns=names)
 
-    @property
-    def plot(self) -> Plots:
-        """The figures, of several seeds with bands and intervals: ``run.plot.latency_cdf()``."""
-        return Plots(self._self)
-
     def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Run | Runs":
         """See ``Result``. Tables stay as they are."""
         chosen = with_methods(replace(self._self, label=label or self._self.label), methods)
@@ -69,14 +64,18 @@ class _OfRuns(Result):
 
             return of_runs.of_run(self._self, width_in) | of_paper.of_run(self._self, width_in)
 
-    def figure(self, name: str, width_in: float | None = None) -> "Figure":
-        """One figure, or the values of one metric."""
+    def figure(
+        self, name: str, width_in: float | None = None, *, ax: "Axes | None" = None
+    ) -> "Figure":
+        """One figure, or the values of one metric; with ``ax``, drawn into that panel of yours."""
         with provenance.of_this_version(self.folder):
             from genie_sim.analysis import figures as of_runs
             from genie_sim.analysis.points import metric_values
             from genie_sim.paper import figures as of_paper
 
             run = self._self
+            if ax is not None and name.startswith(("differences", of_paper.PREFIX)):
+                raise UserError(f"ax: {name} has panels of its own")
             makers = of_runs.makers(run, width_in)
             if name.startswith(of_paper.PREFIX):
                 drawn = of_paper.of_run(run, width_in)
@@ -84,8 +83,9 @@ class _OfRuns(Result):
                     return drawn[name]
             if name not in makers and name in {*METRICS, *(row.metric for row in run.measured)}:
                 shown = run.measured, run.methods, run.footer, width_in
-                return metric_values(name, *shown, own=run.words)
-            return named(name, makers)()
+                return metric_values(name, *shown, own=run.words, ax=ax)
+            draw = named(name, makers)
+            return draw() if ax is None else draw(ax=ax)
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """See ``Result``."""

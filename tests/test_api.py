@@ -60,7 +60,7 @@ def test_metrics_are_one_table(run):
     assert mean["value"].item() == pytest.approx(times_ms.mean())
 
 
-FIGURES = [*RUN_FIGURES, "metric"]
+FIGURES = [*RUN_FIGURES, "first_answer_p99"]
 
 
 @pytest.mark.parametrize(
@@ -68,19 +68,20 @@ FIGURES = [*RUN_FIGURES, "metric"]
     [("first_answer_mean", ", lower is better"), ("fresh_answered_share", ", higher is better")],
 )
 def test_the_axis_of_a_metric_says_which_way_is_better(run, name, better):
-    assert run.plot.metric(name).axes[0].get_xlabel().endswith(better)
+    assert run.figure(name).axes[0].get_xlabel().endswith(better)
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(run, runs, name):
     """Alone, of several seeds, and into a panel of somebody's own, where it takes one."""
-    which = ("first_answer_mean",) if name == "metric" else ()
     for what in (runs,) if name == "differences" else (run, runs):
-        assert isinstance(getattr(what.plot, name)(*which), Figure)
-    if name == "differences":
-        return
+        assert isinstance(what.figure(name), Figure)
     figure, (left, right) = plt.subplots(1, 2)
-    assert getattr(runs.plot, name)(*which, ax=right) is figure
+    if name == "differences":
+        with pytest.raises(gs.UserError, match="ax: differences has panels of its own"):
+            runs.figure(name, ax=right)
+        return
+    assert runs.figure(name, ax=right) is figure
     assert right.has_data() and not left.has_data()
     assert [axis for axis in figure.axes if axis not in (left, right)] == []
     plt.close(figure)
@@ -90,8 +91,8 @@ def test_a_figure_of_what_is_not_there_is_refused_in_one_line(run):
     little = gs.run(
         "street_1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "record": ["lookups"]}
     )
-    with pytest.raises(gs.UserError, match="latency_accuracy: these results have nothing"):
-        little.plot.latency_accuracy()
+    with pytest.raises(gs.UserError, match="unknown figure 'latency_accuracy'"):
+        little.figure("latency_accuracy")
 
 
 def test_the_wide_table_has_a_column_a_method_and_the_long_one_s_values(run):
@@ -421,8 +422,8 @@ def test_a_misspelt_attribute_is_answered_with_the_nearest():
     with pytest.raises(AttributeError, match="did you mean 'compare'"):
         _ = gs.comparee
     run = gs.run("1car_homo", {"cars[0].route.window": ["0 s", "0.3 s"]}, methods=["local"])
-    with pytest.raises(AttributeError, match="did you mean 'latency_cdf'") as error:
-        _ = run.plot.latency_cdff
+    with pytest.raises(gs.UserError, match="did you mean 'latency_cdf'") as error:
+        run.figure("latency_cdff")
     assert len(error.value._render_traceback_()) == 1  # in a notebook
     with pytest.raises(AttributeError, match="did you mean 'frames'"):
         _ = run.frame

@@ -262,20 +262,18 @@ def _blocks(length: int, most: int) -> list[slice]:
 
 
 def _tabular(table: ResultTable, wide: bool) -> str:
-    texts = [
-        any(isinstance(row.cells[place].value, str) for row in table.rows)
-        for place in range(len(table.columns))
-    ]
     width = (0.30 if wide else 0.34) / (1 + table.keys)
     title = rf">{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}"
     if table.keys and all(len(row.title) <= HEADING_CHARACTERS for row in table.rows):
         title = "l"
+    sides = ["r" if is_number else "l" for is_number in _are_numbers(table)]
+    headings = [_heading(*about) for about in zip(table.columns, sides, strict=True)]
     lines = [
         rf"\begin{{tabular}}{{@{{}}{title}",
-        f"  {''.join('l' if is_text else 'r' for is_text in texts)}",
+        f"  {''.join(sides)}",
         r"  @{}}",
         r"\toprule",
-        " & ".join([_title(table.corner), *map(_heading, table.columns)]).strip() + r" \\",
+        " & ".join([_title(table.corner), *headings]).strip() + r" \\",
         r"\midrule",
         *_body(table),
         r"\bottomrule",
@@ -319,11 +317,11 @@ def _ends(cell: Cell) -> str:
     return "" if low == high == _value(cell) else rf"{{\scriptsize [{low}, {high}]}}"
 
 
-def _heading(heading: str) -> str:
-    """Long ones in lines of their own."""
+def _heading(heading: str, side: str) -> str:
+    """Long ones in lines of their own, which stand at this side."""
     lines = textwrap.wrap(one_line(heading), HEADING_CHARACTERS) or [""]
     stacked = r"\\{}".join(map(_escaped, lines))  # braces: a line may begin with "["
-    return rf"\shortstack[r]{{{stacked}}}"
+    return rf"\shortstack[{side}]{{{stacked}}}"
 
 
 def _title(text: str) -> str:

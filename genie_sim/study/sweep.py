@@ -221,7 +221,10 @@ class Sweep(Suggesting, Result):
             if format == "markdown":
                 return renderers.markdown(replace(table, title=""), intervals=False)
             seeds = len(self.design.seeds)
-            several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
+            brackets = (
+                ", in brackets their 95 % t intervals," if points["low"].notna().any() else ""
+            )
+            several = f"Means{brackets} over {seeds} seeds."
             notes = [several if seeds > 1 else "One seed."]
             if len(table.rows) > MAX_ROWS:
                 notes.append(

@@ -78,7 +78,7 @@ def test_run_says_where_the_results_are_and_rerun_confirms_them(capsys):
     assert main(["run", "s.yaml", "--seed", "3", "--no-report"]) == 0
     said = capsys.readouterr().out
     folder = next(Path("results").glob("s-*"))
-    assert str(folder) in said
+    assert f"Results: {folder} " in said and "\n\nResults" not in said
     for name in (
         "run.json",
         "scenario.resolved.yaml",

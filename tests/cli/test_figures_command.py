@@ -59,11 +59,11 @@ def test_one_metric_of_results_is_called_by_the_results(folders, capsys):
     assert "street_1car_hetero" in text and "street_2car_homo" in text
     assert "first answer, p99 [ms], lower is better" in text
     run = gs.load(folders[0])
-    assert run.plot.metric("first_answer_p99").axes[0].get_xlabel() == (
+    assert run.figure("first_answer_p99").axes[0].get_xlabel() == (
         "first answer, p99 [ms], lower is better"
     )
-    with pytest.raises(gs.UserError, match="metric: unknown metric 'nope'"):
-        run.plot.metric("nope")
+    with pytest.raises(gs.UserError, match="unknown figure 'nope'"):
+        run.figure("nope")
 
 
 @pytest.mark.slow

@@ -15,7 +15,6 @@ from sidelink import IDLE_NS, SLOT_NS, WINDOW, Sidelink, Station
 from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.link_model import LinkEnds
-from tests.theory.replications import equivalent, replicate
 
 SEED, S, US = 7, 1_000_000_000, 1_000
 SIZE = 300  # bytes: 488 us on the air
@@ -209,48 +208,6 @@ def test_counts_of_receptions_are_those_of_the_messages():
         assert station.completed == sum(host in one.heard_by for one in others)
         assert station.completed + station.drops == len(others)
         assert station.queued == 0
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_two_saturated_hosts_collide_once_in_sixteen_times():
-    """Whatever the one has left of its backoff, the other draws one of sixteen anew, and one of
-    these is equal.
-    """
-
-    def share(rng: np.random.Generator) -> float:
-        street = Street(cluster(2), seed=int(rng.integers(2**31)))
-        for host in street.places:
-            street.offer(host, [0] * 1500)
-        sent = street.run()
-        begins = {one.begin_ns for one in sent}
-        return (len(sent) - len(begins)) / len(begins)
-
-    found = replicate(share, replications=10, seed=SEED)
-    assert equivalent(found, expected=1 / 16, margin=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_hidden_terminals_lose_what_overlaps():
-    """Two Poisson senders that do not hear each other: a message reaches the host between them if
-    the other sender begins none in the airtime before and in that after its own begin,
-    exp(-2 rate T). The wait before a message is 5 % of its 4 ms on the air.
-    """
-    size_bytes, load = 3000, 0.1
-    airtime_ns = SIDELINK.airtime_ns(size_bytes)
-
-    def received(rng: np.random.Generator) -> float:
-        street = Street(HIDDEN, seed=int(rng.integers(2**31)))
-        for host in HIDDEN_SENDERS:
-            street.offer(host, poisson_ns(rng, load * S / airtime_ns, 1000), size_bytes)
-        sent = street.run()
-        end_ns = min(max(one.end_ns for one in sent if one.host == host) for host in HIDDEN_SENDERS)
-        counted = [one.heard_by == ("middle",) for one in sent if one.end_ns < end_ns]
-        return float(np.mean(counted))
-
-    found = replicate(received, replications=10, seed=SEED)
-    assert equivalent(found, expected=math.exp(-2 * load), margin=0.03)
 
 
 @pytest.mark.slow

@@ -15,13 +15,12 @@ from hypothesis import strategies as st
 
 from genie_sim.data.trace import Trace
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.clock import Clock
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Link
 from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 from genie_sim.sim.ros_graph import Node
-from genie_sim.sim.world import DRAIN_NS, World
+from genie_sim.sim.world import DRAIN_NS
 from tests.make import build, fixed_device, scenario, street
 
 TRACE = street(seconds=2.0)
@@ -361,21 +360,3 @@ def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: 
     in_flight = run.frames["first_answer_ns"].isna() & run.frames["drop"].isna()
     assert in_flight.sum() > 0
     assert not (run.settled["first_answer_ns"].isna() & run.settled["drop"].isna()).any()
-
-
-def test_time_is_whole_nanoseconds(monkeypatch: pytest.MonkeyPatch):
-    """Every delay is an int: 0.1 + 0.2 never comes after 0.3."""
-    kinds: set[type] = set()
-    after = Clock.after
-
-    def spy(self, delay_ns, call, *arguments) -> None:
-        kinds.add(type(delay_ns))
-        after(self, delay_ns, call, *arguments)
-
-    monkeypatch.setattr(Clock, "after", spy)
-    shaky = {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": "wifi"}
-    for method in ("local", "remote", "genie"):
-        world, _ = build(scenario([shaky]), method, TRACE)
-        assert isinstance(world, World)
-        world.run()
-    assert kinds == {int}

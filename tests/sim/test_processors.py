@@ -9,18 +9,6 @@ from tests.sim.processes import job
 MS = 1_000_000
 
 
-def test_of_two_stalls_that_overlap_the_later_end_counts():
-    """A job of 50 ms stands still from 10 to 40 ms."""
-    clock = Clock()
-    processor = Processor(clock, "car1.cpu", "cpu")
-    ended: list[int] = []
-    job(processor, 50 * MS, lambda: ended.append(clock.now))
-    for at_ms, act in ((10, "stall"), (20, "stall"), (30, "go_on"), (40, "go_on")):
-        clock.after(at_ms * MS, getattr(processor, act))
-    clock.run()
-    assert ended == [80 * MS]
-
-
 def test_a_crash_at_the_instant_at_which_a_job_begins_leaves_the_server_free():
     """The second job is given the server when the first ends, and is interrupted before it runs."""
     clock = Clock()

@@ -34,7 +34,7 @@ brackets, as in `genie.similarity.cell[pose_grid]`, is not written in a scenario
 belongs to that choice of the setting above it.
 """
 API = ("run", "run_seeds", "sweep", "load", "compare", "reproduce", "load_scenario")
-API += ("Run", "Runs", "Comparison", "Plots")
+API += ("Run", "Runs", "Comparison")
 PYTHON = """\
 [Python](api.md) shows how to use these, [Extend it](../extend/method.md) how to add to them.
 """
