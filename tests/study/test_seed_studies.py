@@ -86,6 +86,13 @@ def test_a_run_whose_results_were_lost_is_run_again(folder, tmp_path, capsys):
     capsys.readouterr()
 
 
+@pytest.fixture
+def without_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages of single runs take most of the time of short ones."""
+    monkeypatch.setattr("genie_sim.report.pages.of_run", lambda *_: "")
+
+
+@pytest.mark.usefixtures("without_pages")
 def test_a_label_is_what_tables_figures_and_pages_say(folder, tmp_path, capsys):
     label = "two seconds of Karlsruhe"
     arguments = [*RUN, "--seeds", "2,5,9", "--jobs", "1", "--label", label, "--out"]
@@ -132,6 +139,7 @@ def test_comparing_takes_folders_of_seeds_methods_and_labels_as_lists(folder, tm
     assert "3 labels for 2 settings" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("without_pages")
 def test_a_sweep_without_axes_is_the_same_and_takes_seeds_and_methods(folder, tmp_path, capsys):
     text = """
 scenario: street_1car_hetero
