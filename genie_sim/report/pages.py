@@ -26,8 +26,7 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
     """The text of the page about ``run``, with those figures of ``makers`` that it shows, and a
     replay from ``start_ns`` on, as far as the page's size allows.
     """
-    notes: list[str] = []
-    replay = replay_data(run, start_ns, notes)
+    replay, note = replay_data(run, start_ns)
     description = str(run.facts["scenario"]["description"])
     return Page(
         kind="one run",
@@ -46,7 +45,7 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
             Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
             Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),
         ],
-        notes=[*notes, *filter(None, [summary.about_laws(run)])],
+        notes=[*filter(None, [note, summary.about_laws(run)])],
         origin=f"run {run.run_id}. In its folder, versions, digests and the sources of the traces "
         "are in run.json, the numbers also in metrics.json and summary.md.",
         replay=replay,
@@ -83,7 +82,7 @@ def of_seeds(runs: SeedRuns, makers: Makers) -> str:
             Section("Each run", [template.listed(each)]),
         ],
         origin="its runs. In the folder of the results, the numbers are also in summary.md and "
-        "table.csv, and each run has a page of its own.",
+        "table.csv.",
     ).text()
 
 
