@@ -218,14 +218,6 @@ def test_only_the_simulation_knows_simpy():
 
 
 @pytest.mark.process
-def test_the_command_line_starts_without_heavy_libraries():
-    """``genie-sim --help`` must not wait for pandas."""
-    loaded = _loaded_by("import genie_sim.cli.main")
-    assert "genie_sim.cli.main" in loaded
-    assert not set(LATE) & loaded
-
-
-@pytest.mark.process
 def test_a_scenario_is_read_without_heavy_libraries():
     """The real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")

@@ -7,7 +7,7 @@ window, in numpy, by ``ConsumerJudge`` in ``consumers``::
     scenes      who looked from where at a window's instants, and what was in view then
     held        what the consumers held at these instants
     objects     objects of answers as columns
-    joins       which held and visible objects are near each other, and which make pairs
+    joins       which held and visible objects are near each other, and which match
     recent_places   where objects were visible lately: what has moved away
     held_spans  for how long each object is held, or missed, in one place: table ``held_objects``
 

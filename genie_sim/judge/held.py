@@ -52,25 +52,26 @@ def shown_objects(scenes: Iterable[tuple[int, Sequence[Shown]]], labels: LabelCo
     of_lists = np.array(about, dtype=np.int64).reshape(-1, 3)
     scene_of, rank, age_ns_of = np.repeat(of_lists, counts, axis=0).T
     dt_s = np.minimum(age_ns_of, COAST_NS) * 1e-9
-    is_decided = _decided(scene_of, rank, np.stack([shown.east_m, shown.north_m]), views)
+    is_covered = _covered(scene_of, rank, np.stack([shown.east_m, shown.north_m]), views)
     held = Held(
         scene_of,
         shown.label,
         shown.class_,
         east_m=shown.east_m + shown.velocity_east_mps * dt_s,
         north_m=shown.north_m + shown.velocity_north_mps * dt_s,
-    ).rows(~is_decided)
-    rank = rank[~is_decided]
+    ).rows(~is_covered)
+    rank = rank[~is_covered]
     if rank.any():
         group = pair_codes(held.scene, held.label, len(labels.codes))
         held = held.rows(~_repeated(rank, GroupedPlaces(group, held.east_m, held.north_m)))
     return held
 
 
-def _decided(
+def _covered(
     scene: Array, rank: Array, places_m: Array, views: Sequence[tuple[int, int, Viewer]]
 ) -> Array:
-    """Which objects stand in the field of view of an earlier answer that shows all in view.
+    """Which objects stand in the field of view of an earlier answer that shows all in view: they
+    count no more.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def _decided(
     views : sequence of tuple
         Scene, rank and viewer of the answers that show all in view.
     """
-    decided = np.zeros(len(scene), dtype=bool)
+    covered = np.zeros(len(scene), dtype=bool)
     for of_rank in sorted({rank for _, rank, _ in views}):
         # of each scene the camera's place, heading and half of its field of view; NaN sees nothing
         cameras = np.full((int(scene.max(initial=0)) + 1, 4), np.nan)
@@ -92,15 +93,15 @@ def _decided(
         later = np.flatnonzero(rank > of_rank)
         camera = cameras[scene[later]].T
         away_east_m, away_north_m = places_m[:, later] - camera[:2]
-        decided[later] |= in_field_of_view(away_east_m, away_north_m, camera[2], camera[3])
-    return decided
+        covered[later] |= in_field_of_view(away_east_m, away_north_m, camera[2], camera[3])
+    return covered
 
 
 def _repeated(rank: Array, places: GroupedPlaces) -> Array:
-    """Which objects an earlier answer shows already, that is, one of a lower rank; what is repeated
-    itself counts for none.
+    """Which objects repeat what an earlier answer, one of a lower rank, shows within a metre. What
+    repeats an object itself is repeated by none.
 
-    Three answers show a car at 0, 0.8 and 1.6 m: it is the second that is repeated.
+    Three answers show a car at 0, 0.8 and 1.6 m: the second repeats the first, and the third none.
 
     >>> east_m, scene = np.array([0.0, 0.8, 1.6]), np.zeros(3, dtype=int)
     >>> _repeated(np.arange(3), GroupedPlaces(scene, east_m, np.zeros(3)))

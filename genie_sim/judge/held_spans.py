@@ -64,12 +64,18 @@ class HeldSpans:
         """Adds the objects of a window, and of each of its instants (instants,) the code of the
         camera and the time [ns].
 
-        A span ends at the next instant of its camera at which it does not go on, or stays open
-        where the window has none.
+        A span ends at the instant of its camera that follows its last one, or stays open where the
+        window has none. Before the window's instants come the last ones of all cameras, at which
+        earlier spans are open. A window with two instants of the first of two cameras::
+
+            instant      0    1    2    3
+            camera       0    1    0    0
+            following    2    4    3    4
+
+        A span that has its last row at instant 0 ends at 2, at 2 it ends at 3; at 1 or at 3 it
+        stays open: there is no instant 4.
         """
-        # Before the window's come as many instants as there are cameras: the last one of each.
         before = len(self._cameras)
-        instants = before + len(camera)
         following = _following(np.append(np.arange(before), camera))
         objects = objects._replace(instant=before + objects.instant)
         objects = JudgedObjects(*map(np.append, self._open, objects))
@@ -78,9 +84,10 @@ class HeldSpans:
         end = following[objects.instant[last]]
         order = np.lexsort((first, objects.begin_ns[first], end))
         spans, end = objects.rows(first[order]), end[order]
-        is_over = end < instants
+        is_over = end < len(following)
         self._write(spans.rows(is_over), now_ns[end[is_over] - before])
         still_open = spans.rows(~is_over)
+        # next time the last instant of each camera has the index that is the camera's code
         self._open = still_open._replace(instant=still_open.camera)
 
     def close(self) -> None:

@@ -39,7 +39,7 @@ class Yard(Scene):
 
     def __init__(self, seed, settings):
         super().__init__(seed, settings.view_m, settings.range_m)
-        self.settings, self.digest = settings, f"{seed} {settings.view_m}"
+        self.digest = f"{seed} {settings.view_m}"
 
     @functools.cached_property
     def objects(self):
@@ -70,13 +70,12 @@ class Yard(Scene):
 
 class YardDrives(SceneDrives):
     def drive(self, car, trace, start_ns):
-        settings = self.scene.settings
         return SceneDrive(
             self.scene,
             car,
             lambda: self.scene,
-            duration_ns=settings.duration_ns,
-            interval_ns=settings.interval_ns,
+            duration_ns=self.settings.duration_ns,
+            interval_ns=self.settings.interval_ns,
             start_ns=start_ns,
         )
 

@@ -214,7 +214,7 @@ class SceneDrives(Drives):
     seeded = True
 
     def __init__(self, scene: Scene, settings: SceneSource) -> None:
-        self.scene = scene
+        self.scene, self.settings = scene, settings
         self._truth = SceneTruth(scene, settings.tolerance_m, settings.range_m)
 
     def digests(self) -> Mapping[str, str]:

@@ -116,8 +116,8 @@ class TownRules:
         densities = [field.name for field in fields(self) if field.name.endswith("_per_100m")]
         count = streets_m / 100 * math.fsum(getattr(self, name) for name in densities)
         if count > MAX_OBJECTS:
-            what = f"{count:,.0f} objects beside {streets_m:,.0f} m of streets"
-            raise SettingError("blocks", f"make about {what}; at most {MAX_OBJECTS:,}")
+            why = f"make about {count:,.0f} objects, and at most {MAX_OBJECTS:,} are possible"
+            raise SettingError("blocks", why)
 
     @property
     def parking_slots(self) -> int:

@@ -16,7 +16,7 @@ import pytest
 from tests.ros import reality, reality_link
 from tests.ros.conftest import Master
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = [pytest.mark.slow]
 
 
 def within(real: float, simulated: float, tolerance: float) -> bool:
@@ -24,6 +24,7 @@ def within(real: float, simulated: float, tolerance: float) -> bool:
 
 
 @pytest.mark.nightly
+@pytest.mark.alone
 def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(
     master: Master, tmp_path: Path
 ):
@@ -76,22 +77,10 @@ def test_another_detector_would_be_noticed(tmp_path: Path):
 SHAPER_HOLDS = 0.97
 
 
-@pytest.mark.parametrize(
-    ("rate_bps", "size_bytes", "count"),
-    [
-        (20_000_000, 1_397_297, 1),
-        (100_000_000, 465_800, 3),
-        *(
-            pytest.param(*one, marks=pytest.mark.nightly)
-            for one in (
-                (20_000_000, 100_000, 1),
-                (20_000_000, 465_800, 3),
-                (100_000_000, 100_000, 1),
-                (100_000_000, 1_397_297, 1),
-            )
-        ),
-    ],
-)
+@pytest.mark.nightly
+@pytest.mark.alone
+@pytest.mark.parametrize("rate_bps", [20_000_000, 100_000_000])
+@pytest.mark.parametrize(("size_bytes", "count"), [(100_000, 1), (465_800, 3), (1_397_297, 1)])
 @pytest.mark.skipif(sys.platform != "linux", reason="network namespaces are Linux's")
 def test_a_shaped_link_takes_as_long_as_the_simulated_one(
     rate_bps: int, size_bytes: int, count: int
