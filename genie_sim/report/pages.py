@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from genie_sim.analysis import compare_tables, screen, style, summary
 from genie_sim.analysis.compare import ComparedRuns, compared
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.analysis.seed_runs import RUNS, SeedRuns, seeds_text
+from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.report import template
 from genie_sim.report.replay import replay_data
@@ -54,15 +54,11 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
 
 def of_seeds(runs: SeedRuns, makers: Makers) -> str:
     """The text of the page about runs with several seeds: their means, the differences between
-    their methods, those figures of ``makers`` that it shows, and where each run is.
+    their methods, those figures of ``makers`` that it shows, and the id of each run.
     """
     comparison, seeds = compared([runs]), seeds_text(runs.seeds)
     description = str(runs.runs[0].facts["scenario"]["description"])
-    places = ["" if run.folder is None else f", in {RUNS}/{run.folder.name}" for run in runs.runs]
-    each = [
-        f"seed {run.seed}: run {run.run_id}{place}"
-        for run, place in zip(runs.runs, places, strict=True)
-    ]
+    each = [f"seed {run.seed}: run {run.run_id}" for run in runs.runs]
     return Page(
         kind="a run with several seeds",
         name=runs.title,
@@ -81,8 +77,8 @@ def of_seeds(runs: SeedRuns, makers: Makers) -> str:
             _differences(comparison),
             Section("Each run", [template.listed(each)]),
         ],
-        origin="its runs. In the folder of the results, the numbers are also in summary.md and "
-        "table.csv.",
+        origin="its runs. In the folder of the results, each is in a folder of 'runs', and the "
+        "numbers are also in summary.md and table.csv.",
     ).text()
 
 

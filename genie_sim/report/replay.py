@@ -104,7 +104,7 @@ def replay_data(run: "Run", start_ns: int) -> tuple[dict[str, Any] | None, str]:
             "genie-sim report DIR --start '60 s'"
         )
     names = Codes()
-    poses = _between(poses, "stamp_ns", begin_ns, end_ns)
+    poses = poses.rows((poses["stamp_ns"] >= begin_ns) & (poses["stamp_ns"] < end_ns))
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
     data = {
         "begin_us": begin_ns // US,
@@ -179,10 +179,6 @@ def _end_ns(run: "Run", begin_ns: int) -> int:
     if len(instants) - first <= MAX_ROWS:
         return _last_instant_ns(run) + 1
     return begin_ns + max((int(instants[first + MAX_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
-
-
-def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns:
-    return table.rows((table[column] >= begin_ns) & (table[column] < end_ns))
 
 
 def _places(poses: Columns, table: Columns) -> "Column":

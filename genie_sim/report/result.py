@@ -4,6 +4,7 @@ and several of them, compared.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
@@ -201,9 +202,10 @@ class Comparison:
         return comparison.write(self.compared, expanded(folder))
 
     def _repr_html_(self) -> str:
-        from genie_sim.report import notebook
+        from genie_sim.analysis import compare_tables, renderers
 
-        return notebook.comparison_html(self.compared)
+        table, notes = compare_tables.pairs(self.compared), [compare_tables.about(self.compared)]
+        return renderers.html(replace(table, title=" ".join(self.verdicts), notes=notes))
 
 
 def named(name: str, known: Mapping[str, Value], *, has_metrics: bool = True) -> Value:

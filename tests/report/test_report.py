@@ -247,7 +247,9 @@ EVERY_FRAME_NEW = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("settings", "share"), [({}, 3), (EVERY_FRAME_NEW, 4)])
+@pytest.mark.parametrize(
+    ("settings", "share"), [pytest.param({}, 3, marks=pytest.mark.nightly), (EVERY_FRAME_NEW, 4)]
+)
 def test_two_minutes_of_three_cars_stay_below_3_megabytes(settings, share, monkeypatch):
     """A quarter of them: with a third of the rows that are ever shown a usual run is shown whole,
     with a quarter one whose every frame is answered by a detector is cut.
