@@ -95,9 +95,11 @@ class _OfRuns(Result):
             return summary.table(self._self, format, metrics)
 
     def _repr_html_(self) -> str:
-        from genie_sim.report import notebook
+        from genie_sim.analysis import renderers, screen, summary
 
-        return notebook.run_html(self._self)
+        run = self._self
+        table, notes = summary.main_table(run), [summary.about_intervals(run)]
+        return renderers.html(replace(table, title=screen.header(run), notes=notes))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

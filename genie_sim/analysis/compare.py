@@ -106,6 +106,14 @@ class Difference(NamedTuple):
     of_seeds: Sequence[float] = ()
 
     @property
+    def reference(self) -> str:
+        """What people read for the arm with which it is compared: in its own setting the method."""
+        if self.against is None:
+            return ""
+        is_beside = self.against.setting == self.arm.setting
+        return self.against.method.title if is_beside else self.against.title
+
+    @property
     def verdict(self) -> str:
         """``better``, ``worse``, ``different`` where neither is, ``negligible`` below 1 % of the
         value, ``equal``, ``unclear`` where the interval holds zero and more than that, or empty
@@ -193,14 +201,7 @@ def compare(
     comparison = compared(results, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
         if metrics and not comparison.rows and len(comparison.arms) > 1:
-            runs = [run for arm in comparison.arms for run in arm.runs.values()]
-            numbers = [number for run in runs for number in run.measured]
-            if any(one.metric in metrics and one.value is not None for one in numbers):
-                names = ", ".join(metrics)
-                raise UserError(
-                    f"compare: no method as a whole has a value of {names}; see genie-sim table"
-                )
-            raise UserError(f"compare: {no_value(*metrics)}")
+            raise UserError(f"compare: of methods as a whole, {no_value(*metrics)}")
         raise UserError(
             "compare: nothing to compare: give two results, or one with several methods"
         )

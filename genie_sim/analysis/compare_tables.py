@@ -95,7 +95,7 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
             cells = [
                 Cell(row.arm.title),
                 metric.cell(row.value),
-                Cell(row.against.title),
+                Cell(row.reference),
                 metric.cell(row.against_value),
                 metric.cell(row.difference, row.low, row.high, sign="+"),
                 Cell(row.verdict or (None if row.difference is None else NO_INTERVAL)),

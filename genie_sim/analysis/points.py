@@ -253,7 +253,7 @@ def differences(
         axis.set_xlabel(_label(abouts[metrics[number]], narrow))
         axis.set_title(titles_of[number])
         name_rows(axis, [arm.title if number % columns == 0 else "" for arm in arms])
-    references = list(dict.fromkeys(row.against.title for row in rows if row.against))
+    references = list(dict.fromkeys(row.reference for row in rows))
     several = "the first setting" if len(comparison.names) > 1 else "the best baseline"
     against = references[0] if len(references) == 1 else several
     note, title = f"difference from {against}" if rows else "", "Paired differences"

@@ -2,7 +2,6 @@
 seeds, with 95 % t intervals.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -97,22 +96,8 @@ def means_of(runs: Sequence[Run]) -> list[MetricValue]:
     means = across_seeds(
         pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)), [], own=runs[0].words
     )
-    return [
-        MetricValue(
-            metric=row["metric"],
-            method=row["method"],
-            placement=row["placement"],
-            component=row["component"],
-            unit=row["unit"],
-            value=_defined(row["value"]),
-            low=_defined(row["low"]),
-            high=_defined(row["high"]),
-            n=int(row["n"]),
-            range_low=_defined(row["range_low"]),
-            range_high=_defined(row["range_high"]),
-        )
-        for row in means.to_dict("records")
-    ]
+    known = means.astype({"n": int}).astype(object).where(means.notna(), None)
+    return [MetricValue(*number) for number in known.itertuples(index=False, name=None)]
 
 
 def with_methods(run: Run | SeedRuns, names: Sequence[str]) -> Run | SeedRuns:
@@ -151,10 +136,6 @@ def seeds_text(seeds: Sequence[int]) -> str:
     if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
         return f"seeds {seeds[0]} to {seeds[-1]}"
     return f"seeds {', '.join(map(str, seeds))}"
-
-
-def _defined(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)
 
 
 def is_seeds_folder(folder: Path) -> bool:

@@ -212,21 +212,17 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
         ]
         return renderers.csv_of_rows(TIDY_FIELDS, rows)
     if format == "latex":
-        return _latex(run, main, "" if metrics else ABOUT_MAIN)
+        seeds = seeds_text([of_seed.seed for of_seed in run.runs])
+        title = f"{run.title}{'' if metrics else ABOUT_MAIN} ({seeds})"
+        about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
+        return renderers.latex(replace(main, title=title, notes=[about, *main.notes]), run.title)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
     return renderers.markdown(replace(main, notes=notes))
 
 
-def _latex(run: Run | SeedRuns, table: ResultTable, about_rows: str) -> str:
-    """The table with a caption that says what it is of, and of which rows."""
-    seeds = seeds_text([of_seed.seed for of_seed in run.runs])
-    about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
-    titled = replace(
-        table,
-        title=f"{run.title}{about_rows} ({seeds})",
-        notes=[about, *table.notes],
-    )
-    return renderers.latex(titled, run.title)
+def about_intervals(run: Run | SeedRuns) -> str:
+    """What stands in brackets behind its numbers."""
+    return about_seeds(run) if isinstance(run, SeedRuns) else ABOUT_INTERVALS
 
 
 def about_seeds(runs: SeedRuns) -> str:
@@ -313,18 +309,10 @@ def about_boxes(run: Run | SeedRuns) -> str:
 def markdown(run: Run | SeedRuns) -> str:
     """``summary.md``: all tables with intervals, and what the words and intervals mean."""
     title = f"# {renderers.markdown_text(run.title)}"
-    if isinstance(run, SeedRuns):
-        ids = ", ".join(f"`{of_seed.run_id}`" for of_seed in run.runs)
-        parts, about_intervals = (
-            [title, f"Runs {ids}."],
-            about_seeds(run),
-        )
-    else:
-        parts = [title, f"Run `{run.run_id}`, seed {run.seed}."]
-        about_intervals = ABOUT_INTERVALS
-    if run.runs[0].warm_up:
-        parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
-    abouts = filter(None, dict.fromkeys([about_intervals, *findings(run), about_laws(run)]))
+    ids = ", ".join(f"`{of_seed.run_id}`" for of_seed in run.runs)
+    which = f"Runs {ids}" if isinstance(run, SeedRuns) else f"Run {ids}, seed {run.seed}"
+    parts = [title, f"{', '.join(filter(None, [which, run.runs[0].warm_up]))}."]
+    abouts = filter(None, dict.fromkeys([about_intervals(run), *findings(run), about_laws(run)]))
     parts += [renderers.markdown_paragraph(about) for about in abouts]
     parts += [renderers.markdown(table).rstrip() for table in tables(run)]
     return "\n\n".join(parts) + "\n"

@@ -14,7 +14,7 @@ from genie_sim.analysis.statistics import has_interval
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.text import significant
 from genie_sim.record import provenance
-from genie_sim.record.results import METRIC_FIELDS, MethodInfo, MetricValue, Run
+from genie_sim.record.results import METRIC_FIELDS, NUMBERS, MethodInfo, MetricValue, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,8 +65,7 @@ def across_seeds(
     for name in ("range_low", "range_high"):
         if name not in rows or differences:
             rows[name] = np.nan
-    numbers = ["value", "low", "high", "range_low", "range_high"]
-    for name in numbers:  # ten digits: processors add up in different orders
+    for name in NUMBERS:  # ten digits: processors add up in different orders
         rows[name] = [significant(number, digits=10) for number in rows[name]]
     return rows[[*by, *METRIC_FIELDS]]
 

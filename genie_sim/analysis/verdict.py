@@ -37,12 +37,12 @@ PHRASES = {  # of a verdict: how a part of the sentence begins, and what stands 
 
 def _sentence(arm: Arm, rows: Sequence[Difference]) -> str:
     parts: list[str] = []
-    named = None  # the arm that the sentence has named last
+    named = ""  # the reference that the sentence has named last
     for verdict, (begin, before) in PHRASES.items():
         of_kind = [row for row in rows if row.verdict == verdict]
-        for reference in dict.fromkeys(row.against for row in of_kind if row.against is not None):
-            alike = [row for row in of_kind if row.against is reference]
-            to = "" if reference is named else f" {before} {reference.title}"
+        for reference in dict.fromkeys(row.reference for row in of_kind):
+            alike = [row for row in of_kind if row.reference == reference]
+            to = "" if reference == named else f" {before} {reference}"
             parts.append(f"{begin}{to} in {_joined([_difference(row) for row in alike])}")
             named = reference
     if len(arm.against) > 1:

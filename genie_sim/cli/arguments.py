@@ -70,7 +70,9 @@ metrics_option = click.option(
     help="Only the rows of these metrics, such as first_answer_p99 ('list metrics').",
 )
 label_option = click.option(
-    "--label", default="", help="What tables and figures call the results; default: the scenario."
+    "--label",
+    default="",
+    help="What tables and figures call the results; default: the scenario. --out names the folder.",
 )
 
 shown_methods_option = click.option(

@@ -32,11 +32,11 @@ def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[st
             frames.setdefault(seed, []).append(of_method.assign(method=arm.label))
     about = methods, comparison.by, width_in
     drawn = {}
+    if any(row.difference is not None for row in comparison.rows):
+        drawn["differences"] = differences(comparison, comparison.by, width_in)
     if frames:
         seeds = [concat(of_seed) for of_seed in frames.values()]
         drawn["latency_cdf"] = latency_cdf(seeds, *about)
-    if any(row.difference is not None for row in comparison.rows):
-        drawn = {"differences": differences(comparison, *about[1:]), **drawn}
     if drawable(metrics):
         drawn["latency_accuracy"] = latency_accuracy(metrics, *about)
     return drawn

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from genie_sim.analysis import compare_tables, screen, style, summary
 from genie_sim.analysis.compare import ComparedRuns, compared
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.analysis.seed_runs import RUNS, SeedRuns, seeds_text
+from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.report import template
 from genie_sim.report.replay import replay_data
@@ -26,8 +26,7 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
     """The text of the page about ``run``, with those figures of ``makers`` that it shows, and a
     replay from ``start_ns`` on, as far as the page's size allows.
     """
-    notes: list[str] = []
-    replay = replay_data(run, start_ns, notes)
+    replay, note = replay_data(run, start_ns)
     description = str(run.facts["scenario"]["description"])
     return Page(
         kind="one run",
@@ -46,7 +45,7 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
             Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
             Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),
         ],
-        notes=[*notes, *filter(None, [summary.about_laws(run)])],
+        notes=[*filter(None, [note, summary.about_laws(run)])],
         origin=f"run {run.run_id}. In its folder, versions, digests and the sources of the traces "
         "are in run.json, the numbers also in metrics.json and summary.md.",
         replay=replay,
@@ -55,15 +54,11 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
 
 def of_seeds(runs: SeedRuns, makers: Makers) -> str:
     """The text of the page about runs with several seeds: their means, the differences between
-    their methods, those figures of ``makers`` that it shows, and where each run is.
+    their methods, those figures of ``makers`` that it shows, and the id of each run.
     """
     comparison, seeds = compared([runs]), seeds_text(runs.seeds)
     description = str(runs.runs[0].facts["scenario"]["description"])
-    places = ["" if run.folder is None else f", in {RUNS}/{run.folder.name}" for run in runs.runs]
-    each = [
-        f"seed {run.seed}: run {run.run_id}{place}"
-        for run, place in zip(runs.runs, places, strict=True)
-    ]
+    each = [f"seed {run.seed}: run {run.run_id}" for run in runs.runs]
     return Page(
         kind="a run with several seeds",
         name=runs.title,
@@ -82,8 +77,8 @@ def of_seeds(runs: SeedRuns, makers: Makers) -> str:
             _differences(comparison),
             Section("Each run", [template.listed(each)]),
         ],
-        origin="its runs. In the folder of the results, the numbers are also in summary.md and "
-        "table.csv, and each run has a page of its own.",
+        origin="its runs. In the folder of the results, each is in a folder of 'runs', and the "
+        "numbers are also in summary.md and table.csv.",
     ).text()
 
 

@@ -81,33 +81,32 @@ def integers(values: "Column") -> "Column":
     return np.nan_to_num(values, nan=UNKNOWN).astype(np.int64)
 
 
-def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
-    """The stretch of the run from ``start_ns`` on that fits into a page; ``None`` of a fleet, and
-    if no poses were written down.
+def replay_data(run: "Run", start_ns: int) -> tuple[dict[str, Any] | None, str]:
+    """The stretch of the run from ``start_ns`` on that fits into a page, and a sentence on what is
+    left out, or empty; ``None`` of a fleet, and if no poses were written down.
     """
     scenario = run.facts["scenario"]
     if scenario.get("fleet") is not None or not run.methods:
-        return None
+        return None, ""
     poses = run.tables["poses"]
     if not len(poses):
-        notes.append("There is no replay: the run holds no poses.")
-        return None
+        return None, "There is no replay: the run holds no poses."
     last_ns = _last_instant_ns(run)
     begin_ns = min(max(start_ns, run.warm_up_ns), int(poses["stamp_ns"].max()))
-    end_ns = _end_ns(run, begin_ns)
+    end_ns, note = _end_ns(run, begin_ns), ""
     if begin_ns > run.warm_up_ns or end_ns < last_ns:
         is_too_large = _end_ns(run, run.warm_up_ns) < last_ns
         why = ": the page would be too large otherwise" if is_too_large else ""
-        notes.append(
+        note = (
             f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
             f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s{why}. "
             "Everything else covers the whole run. Another stretch: "
             "genie-sim report DIR --start '60 s'"
         )
     names = Codes()
-    poses = _between(poses, "stamp_ns", begin_ns, end_ns)
+    poses = poses.rows((poses["stamp_ns"] >= begin_ns) & (poses["stamp_ns"] < end_ns))
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
-    return {
+    data = {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
         "cars": [
@@ -127,6 +126,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
         "names": list(names),
         "parts": {name: title for name, (title, _) in style.PARTS.items()},
     }
+    return data, note
 
 
 def _of_method(
@@ -179,10 +179,6 @@ def _end_ns(run: "Run", begin_ns: int) -> int:
     if len(instants) - first <= MAX_ROWS:
         return _last_instant_ns(run) + 1
     return begin_ns + max((int(instants[first + MAX_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
-
-
-def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns:
-    return table.rows((table[column] >= begin_ns) & (table[column] < end_ns))
 
 
 def _places(poses: Columns, table: Columns) -> "Column":

@@ -4,6 +4,7 @@ and several of them, compared.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
@@ -13,7 +14,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
-from genie_sim.record import results
+from genie_sim.record.results import Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +44,7 @@ class Result(ABC):
 
     @property
     @abstractmethod
-    def cells(self) -> Mapping[str, Mapping[int, results.Run]]:
+    def cells(self) -> Mapping[str, Mapping[int, Run]]:
         """By its name each setting that was simulated, as runs by seed; one that is all there is
         has no name.
         """
@@ -103,7 +104,7 @@ class Comparison:
 
     Parameters
     ----------
-    results_ : sequence of Comparable
+    results : sequence of Comparable
         What is compared; the first is what the others are compared with. Of one alone, see
         ``analysis.compare.compare``.
     methods : sequence of str
@@ -116,12 +117,12 @@ class Comparison:
 
     def __init__(
         self,
-        results_: "Sequence[Comparable]",
+        results: "Sequence[Comparable]",
         methods: Sequence[str] = (),
         labels: Sequence[str] = (),
         metrics: Sequence[str] = (),
     ) -> None:
-        self._results, self._methods, self._labels = results_, methods, labels
+        self._results, self._methods, self._labels = results, methods, labels
         self._metrics = metrics
 
     def __repr__(self) -> str:
@@ -155,8 +156,8 @@ class Comparison:
         """What differs: a row per setting, a column per result."""
         import pandas as pd
 
-        made = self.compared
-        return pd.DataFrame.from_dict(dict(made.settings), orient="index", columns=list(made.names))
+        settings, names = dict(self.compared.settings), list(self.compared.names)
+        return pd.DataFrame.from_dict(settings, orient="index", columns=names)
 
     @property
     def verdicts(self) -> list[str]:
@@ -180,10 +181,11 @@ class Comparison:
         from genie_sim.analysis.compare import as_metrics
         from genie_sim.analysis.points import metric_values
 
-        made = self.compared
-        metrics, methods = as_metrics(made, [name])
+        comparison = self.compared
+        metrics, methods = as_metrics(comparison, [name])
         if metrics or name in registry.METRICS:
-            return metric_values(name, metrics, methods, made.by, width_in, own=made.words)
+            about = methods, comparison.by, width_in
+            return metric_values(name, metrics, *about, own=comparison.words)
         return named(name, self.figures(width_in))
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
@@ -200,9 +202,10 @@ class Comparison:
         return comparison.write(self.compared, expanded(folder))
 
     def _repr_html_(self) -> str:
-        from genie_sim.report import notebook
+        from genie_sim.analysis import compare_tables, renderers
 
-        return notebook.comparison_html(self.compared)
+        table, notes = compare_tables.pairs(self.compared), [compare_tables.about(self.compared)]
+        return renderers.html(replace(table, title=" ".join(self.verdicts), notes=notes))
 
 
 def named(name: str, known: Mapping[str, Value], *, has_metrics: bool = True) -> Value:

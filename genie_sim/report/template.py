@@ -57,10 +57,11 @@ class Section:
     def text(self) -> str:
         """It as HTML."""
         heading = f'<h2 id="h-{self.name}">{escape(self.title)}</h2>'
-        content = "\n".join([heading, *self.parts])
+        content = "\n".join(self.parts)
         if self.folded:
-            inside = "\n".join(self.parts)
-            content = f"<details><summary>{heading}</summary>\n{inside}</details>"
+            content = f"<details><summary>{heading}</summary>\n{content}</details>"
+        else:
+            content = f"{heading}\n{content}"
         return (
             f'<section id="{self.name}" aria-labelledby="h-{self.name}">\n{content}\n</section>\n'
         )

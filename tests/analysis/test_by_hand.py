@@ -4,6 +4,7 @@ alone, as its meaning says: no function of the package takes part.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -119,6 +120,7 @@ BY_HAND: dict[str, Callable[[Tables], float]] = {
 }
 
 
+@functools.cache
 def of_method(folder: Path, method: str, placement: str) -> Tables:
     """The rows of one method; look-ups of one placement, and what consumers hold."""
     tables = {}

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from genie_sim.analysis import compare_tables, renderers, screen, summary
-from genie_sim.analysis.compare import compare
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
+from genie_sim.kinds import Run as LoadedRun
 from genie_sim.record.records import new_tables
 from genie_sim.record.results import MetricValue, Run
-from genie_sim.report import notebook
+from genie_sim.report.result import Comparison
 from tests import make, outline
 from tests.make import METHODS
 
@@ -70,7 +70,7 @@ def test_one_run(one: Run):
         ("csv", summary.table(one, "csv")),
         ("markdown table", summary.table(one, "markdown")),
         ("latex", summary.table(one, "latex")),
-        ("notebook", notebook.run_html(one).replace("<tr>", "\n<tr>")),
+        ("notebook", LoadedRun.of(one)._repr_html_().replace("<tr>", "\n<tr>")),
     ):
         outline.check_lines(f"table of one run, {name}", text.splitlines())
 
@@ -85,13 +85,14 @@ def test_several_seeds(seeds: SeedRuns):
 
 
 def test_a_comparison(one: Run):
-    compared = compare([one, made(1, lift=2.0, speed=1.5)], labels=["before", "after"])
+    comparison = Comparison([one, made(1, lift=2.0, speed=1.5)], labels=["before", "after"])
+    compared = comparison.compared
     for name, text in (
         ("markdown", compare_tables.text(compared, "markdown")),
         ("csv", compare_tables.text(compared, "csv")),
         ("latex", compare_tables.text(compared, "latex")),
         ("sentences", "\n".join([*verdicts(compared), compare_tables.about(compared)])),
-        ("notebook", notebook.comparison_html(compared).replace("<tr>", "\n<tr>")),
+        ("notebook", comparison._repr_html_().replace("<tr>", "\n<tr>")),
     ):
         outline.check_lines(f"table of a comparison, {name}", text.splitlines())
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from genie_sim import kinds
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.record.results import MetricValue, Run
-from genie_sim.report import notebook
 from tests import make
 from tests.make import METHODS
 
@@ -20,7 +20,7 @@ def made(seed: int, shift: float = 0.0) -> Run:
 
 
 def test_one_run_is_a_table_with_a_note_on_its_intervals():
-    html = notebook.run_html(made(1))
+    html = kinds.Run.of(made(1))._repr_html_()
     assert html.startswith("<p><b>&lt;town&gt;: 1 car, ")
     assert html.count("<th ") == len(METHODS) + 1 and html.count("<td>10</td>") == 3
     assert f"<p><small>{summary.ABOUT_INTERVALS}</small></p>" in html
@@ -29,6 +29,6 @@ def test_one_run_is_a_table_with_a_note_on_its_intervals():
 
 def test_several_seeds_have_their_own_note():
     seeds = SeedRuns([made(1), made(2, shift=2.0), made(3, shift=4.0)])
-    html = notebook.run_html(seeds)
+    html = kinds.Runs.of(seeds)._repr_html_()
     assert f"<p><small>{summary.about_seeds(seeds)}</small></p>" in html
     assert summary.ABOUT_INTERVALS not in html and "<td>12 <small>(7.03 to 17)</small></td>" in html

@@ -206,7 +206,7 @@ def test_the_first_frame_of_a_lap_is_told_however_far_frames_are_apart():
     twice = {"cars[0].route.laps": 2, "cars[0].route.pause": "0 s"}
     seldom = {"cameras": [camera], "methods": ["local"]}
     run = short_run("street_1car_hetero", 1, 3.0, **twice, **seldom)
-    (stream,) = replay.replay_data(run, 0, [])["streams"]
+    (stream,) = replay.replay_data(run, 0)[0]["streams"]
     is_far = np.diff(np.cumsum(stream["stamp_us+"])) > 900_000
     assert is_far.tolist() == [True, True, True, False, True, True, True]
     assert stream["lap_ids"] == [4]
@@ -217,19 +217,17 @@ def test_the_last_frame_is_shown_where_nothing_happens_after_it(run):
     answers = ("first_answer_ns", "result_answer_ns", "fresh_answer_ns")
     frames = frames.assign(**dict.fromkeys(answers, frames["stamp_ns"]))
     quiet = replace(run, tables={**run.tables, "frames": frames, "lookups": lookups.rows([])})
-    notes: list[str] = []
-    shown = replay.replay_data(quiet, 0, notes)
+    shown, note = replay.replay_data(quiet, 0)
     count = sum(len(stream["stamp_us+"]) for stream in shown["streams"])
-    assert count == len(run.poses) and not notes
-    assert replay.replay_data(quiet, 1000 * NS, notes)["streams"], "a start beyond the end"
+    assert count == len(run.poses) and not note
+    assert replay.replay_data(quiet, 1000 * NS)[0]["streams"], "a start beyond the end"
 
 
 def test_a_later_start_of_a_run_that_fits_is_not_called_too_large(run, monkeypatch):
-    notes: list[str] = []
-    replay.replay_data(run, NS, notes)
+    _, before = replay.replay_data(run, NS)
     monkeypatch.setattr(replay, "MAX_ROWS", 1500)
-    replay.replay_data(run, NS, notes)
-    assert ["too large" in note for note in notes] == [False, True]
+    _, after = replay.replay_data(run, NS)
+    assert "too large" not in before and "too large" in after
 
 
 def without_poses(run: gs.Run) -> gs.Run:
@@ -249,7 +247,9 @@ EVERY_FRAME_NEW = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("settings", "share"), [({}, 3), (EVERY_FRAME_NEW, 4)])
+@pytest.mark.parametrize(
+    ("settings", "share"), [pytest.param({}, 3, marks=pytest.mark.nightly), (EVERY_FRAME_NEW, 4)]
+)
 def test_two_minutes_of_three_cars_stay_below_3_megabytes(settings, share, monkeypatch):
     """A quarter of them: with a third of the rows that are ever shown a usual run is shown whole,
     with a quarter one whose every frame is answered by a detector is cut.

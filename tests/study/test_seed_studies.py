@@ -44,7 +44,7 @@ def test_every_seed_has_its_results_and_the_folder_page_and_figures(folder, caps
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert main(["report", str(folder), "--out", "again.html"]) == 0
     assert Path("again.html").read_text(encoding="utf-8") == page
-    assert "in runs/seed-5<" in page and 'href="runs' not in page
+    assert "seed 5: run " in page and 'href="runs' not in page
     assert "Genie (DG) is better than remote (R)" in page
     assert "95 % intervals" in (folder / "figures" / "latency_cdf.svg").read_text(encoding="utf-8")
     assert "Seeds 2, 5, 9: means" in (folder / "summary.md").read_text(encoding="utf-8")

@@ -80,8 +80,8 @@ def label_file(root: Path, drive: DriveName) -> Path:
         raw = (name for name in raw_drives(root) if (root / name.folder / TRACKLETS).is_file())
         choices = [*map(str, raw), *(f"{TRACKING}/{file.stem}" for file in label_02.glob("*.txt"))]
         raise UserError(
-            f"{path}: no such file; {unknown('labelled drive', str(drive), choices)} (tracklets of "
-            "a raw drive DATE/NUMBER, or label_02 of a sequence tracking/NUMBER)"
+            f"{root}: {unknown('labelled drive', str(drive), choices)} (tracklets of a raw drive "
+            "DATE/NUMBER, or label_02 of a sequence tracking/NUMBER)"
         )
     return path
 

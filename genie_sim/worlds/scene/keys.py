@@ -48,8 +48,9 @@ LIGHT = BitField(0, 16)
 NORMALS, VIEWS = BitField(0, 12), BitField(0, 16)
 
 # The number of an object of a town: the street, the stream on it (0 for what stands; a stream of
-# cyclists has a second one for the persons on the bicycles), and which one it is of those.
-MEMBER, STREAM, STREET = BitField(0, 32), BitField(32, 4), BitField(36, 28)
+# cyclists has a second one for the persons on the bicycles), and below these, in 32 bits, which one
+# it is of those.
+STREAM, STREET = BitField(32, 4), BitField(36, 28)
 
 
 def mix(key: Any) -> Any:

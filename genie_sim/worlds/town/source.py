@@ -41,7 +41,7 @@ class TownDrives(SceneDrives):
 
     def __init__(self, town: "Town", settings: InTown) -> None:
         super().__init__(town, settings)
-        self.settings, self.extent_m = settings, (0.0, 0.0, *town.size_m)
+        self.extent_m = (0.0, 0.0, *town.size_m)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "SceneDrive":
         return self.scene.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)

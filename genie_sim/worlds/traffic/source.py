@@ -68,4 +68,4 @@ class RecordedTraffic(SceneSource):
         rows = read_fcd(path, begin_s, self.duration_ns / NS_PER_S, self.accept)
         traffic = Traffic(rows, self, path, seed)
         traffic.warn()
-        return TrafficDrives(traffic)
+        return TrafficDrives(traffic, self)

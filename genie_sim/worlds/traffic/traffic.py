@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from genie_sim.base.classes import PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.units import NS_PER_S
-from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.kept_words import TRAFFIC_DRAWS
 from genie_sim.worlds.scene.objects import ObjectColumns
@@ -44,13 +43,13 @@ class Traffic(Scene):
     detector looks, what the vehicles are, the seed and the detector's laws.
     """
 
-    name, random_name, origin = "traffic", TRAFFIC_DRAWS, SOMEWHERE
+    name, random_name = "traffic", TRAFFIC_DRAWS
 
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
     ) -> None:
         super().__init__(seed, settings.view_m, settings.range_m)
-        self.settings, self.path, self.report = settings, path, rows.report
+        self.path, self.report = path, rows.report
         self.end_s = min(settings.duration_ns / NS_PER_S, rows.times_s.item(-1) - rows.begin_s)
         self.vehicles = Vehicles(rows, settings.types)
         self._content = _content(rows)
@@ -135,10 +134,11 @@ class TrafficDrives(SceneDrives):
     """Traffic with the drives of its equipped vehicles."""
 
     scene: Traffic
+    settings: "RecordedTraffic"
 
-    def __init__(self, traffic: Traffic) -> None:
-        settings, vehicles = traffic.settings, traffic.vehicles
+    def __init__(self, traffic: Traffic, settings: "RecordedTraffic") -> None:
         super().__init__(traffic, settings)
+        vehicles = traffic.vehicles
         self.extent_m = vehicles.extent_m
         numbers = [number for number in range(len(vehicles)) if not vehicles.is_person[number]]
         self._ids = [vehicles.ids[number] for number in numbers]
@@ -174,7 +174,7 @@ class TrafficDrives(SceneDrives):
 
     def _equipped(self) -> list[str]:
         """The names of the equipped vehicles, in the order in which they appear."""
-        equipped, ids = self.scene.settings.equipped, self._ids
+        equipped, ids = self.settings.equipped, self._ids
         if isinstance(equipped, tuple):
             numbers = {vehicle: number for number, vehicle in enumerate(ids)}
             for vehicle in equipped:
@@ -203,6 +203,6 @@ class TrafficDrives(SceneDrives):
             car,
             lambda: stretch,
             duration_ns=end_ns - start_ns,
-            interval_ns=self.scene.settings.interval_ns,
+            interval_ns=self.settings.interval_ns,
             start_ns=start_ns,
         )

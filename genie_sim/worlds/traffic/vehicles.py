@@ -121,10 +121,9 @@ class Vehicles:
         self._heading_rad = np.radians(90.0 - rows.angle_deg[order])
         # the file has the middle of persons, and the front bumper of vehicles
         half_m = np.where(rows.is_person, 0.0, self.lengths_m / 2)[self.vehicle]
-        east_m = rows.x_m[order] - half_m * np.cos(self._heading_rad)
-        north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
-        self._places_m = np.column_stack([east_m, north_m])
-        way_m = np.hypot(np.diff(east_m), np.diff(north_m))
+        self._east_m = rows.x_m[order] - half_m * np.cos(self._heading_rad)
+        self._north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
+        way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
         links = _links(self.vehicle, self._step, way_m, np.diff(self.times_s[self._step]))
         self._links, self._until_s = links, self.times_of(links.until)
         self.jumps = np.bincount(self.vehicle[links.jumps], minlength=len(self.ids))
@@ -137,9 +136,9 @@ class Vehicles:
     @property
     def extent_m(self) -> Area:
         """The borders of the map."""
-        west, south = self._places_m.min(axis=0).tolist()
-        east, north = self._places_m.max(axis=0).tolist()
-        return widened((west, south, east, north), BESIDE_M)
+        east_m, north_m = self._east_m, self._north_m
+        west, south, east, north = east_m.min(), north_m.min(), east_m.max(), north_m.max()
+        return widened((float(west), float(south), float(east), float(north)), BESIDE_M)
 
     def at(self, sighting: Ints, t_s: Array) -> Motions:
         """Where the vehicles of some sightings (n,) are at times between these and their next (n,):
@@ -150,14 +149,15 @@ class Vehicles:
         whole_s = self.times_of(last) - begin_s
         whole_s[whole_s == 0.0] = 1.0
         share = np.clip((t_s - begin_s) / whole_s, 0.0, 1.0)
-        places_m = self._places_m[first].T
-        way_east_m, way_north_m = self._places_m[last].T - places_m
+        from_east_m, from_north_m = self._east_m[first], self._north_m[first]
+        way_east_m = self._east_m[last] - from_east_m
+        way_north_m = self._north_m[last] - from_north_m
         turn_rad = self._heading_rad[last] - self._heading_rad[first]
         turn_rad -= np.rint(turn_rad / math.tau) * math.tau
         heading_rad = self._heading_rad[first] + share * turn_rad
         return Motions(
-            east_m=places_m[0] + share * way_east_m,
-            north_m=places_m[1] + share * way_north_m,
+            east_m=from_east_m + share * way_east_m,
+            north_m=from_north_m + share * way_north_m,
             heading_rad=heading_rad,
             cos=np.cos(heading_rad),
             sin=np.sin(heading_rad),
@@ -193,7 +193,7 @@ class Vehicles:
         order = self._in_order_of_steps
         first, end = np.searchsorted(self._step, (step, step + 1), sorter=order)
         of_step = order[first:end]
-        return of_step, cKDTree(self._places_m[of_step])
+        return of_step, cKDTree(np.column_stack([self._east_m[of_step], self._north_m[of_step]]))
 
     def longest(self, vehicle: int, end_s: float) -> "Stretch":
         """The longest stretch of a vehicle between the beginning and ``end_s``; of equal ones the

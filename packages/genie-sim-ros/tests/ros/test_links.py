@@ -766,7 +766,6 @@ class Wire:
                     end.shutdown(socket.SHUT_RDWR)
 
 
-@pytest.mark.alone
 def test_a_half_open_link_is_noticed_by_both_and_comes_back(keys: Keys):
     """The car cannot dial before both have noticed: a side whose peer is back sooner has nothing to
     notice.
