@@ -225,7 +225,7 @@ DIRECTIONS = (
     ),
     Direction(
         "",
-        "share of ghosts in what is held, Genie - remote",
+        "share of false objects in what cars hold, Genie - remote",
         lambda runs: np.diff(runs.of(["ghost_share:remote", "ghost_share:genie"]), axis=3).mean(
             axis=(2, 3)
         ),

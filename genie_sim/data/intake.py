@@ -219,10 +219,7 @@ def _with_shared_features(
     car: _Car, cameras: Mapping[str, Sequence[TraceFrame]], report: ImportReport
 ) -> dict[str, Sequence[TraceFrame]]:
     """The frames with those features that all cameras of a car have: a lidar, say, has none."""
-    names = {
-        camera: {name for frame in frames for name in frame.features}
-        for camera, frames in cameras.items()
-    }
+    names = {camera: {*frames[0].features} for camera, frames in cameras.items()}
     shared, kept = set.intersection(*names.values()), dict(cameras)
     for camera, frames in cameras.items():
         for name in sorted(names[camera] - shared):

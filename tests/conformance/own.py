@@ -271,16 +271,6 @@ class Turn(Transmitter):
         return 1_000_000
 
 
-class LeakyMedium(OneAtATime):
-    """Its state outlives the run: the longer it is used the slower it is."""
-
-    used: ClassVar = itertools.count(1)
-
-    def __post_init__(self):
-        super().__post_init__()
-        self.rate_bps //= next(self.used)
-
-
 class CountingRadio(Radio):
     """A link model with state: every ``fails``-th message over any of its links is lost."""
 
@@ -365,15 +355,6 @@ class LeakySimilarity(PoseGrid):
 
     def key(self, image):
         return super().key(image) if next(self.keys) < 50 else "the same"
-
-
-class LeakyEviction(LRU):
-    """After some answers, all others are too old at once."""
-
-    asked: ClassVar = itertools.count()
-
-    def expires_ns(self, key):
-        return 0 if next(self.asked) > 20 else None
 
 
 class OwnSimilarity(PoseGrid):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
@@ -220,48 +219,6 @@ def test_a_host_that_is_not_there_is_one_line():
     world, _ = small.world(blind)
     assert "car1" not in world.network.graphs
     world.network.void("car1", "test")  # local execution has nothing there
-
-
-CRASH = '''
-from dataclasses import dataclass
-
-from genie_sim.faults.outage import Outage
-
-
-@dataclass(frozen=True)
-class Crash(Outage):
-    """The edge restarts."""
-
-    dropped_by = "crash"
-
-    def strike(self, network):
-        network.void(self.target, f"{self.target}:crash")
-        yield from super().strike(network)
-'''
-
-
-def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
-    """``fault: my_module:Crash`` in a scenario, a folder away from the package."""
-    (tmp_path / "my_module.py").write_text(CRASH)
-    fault = "{fault: 'my_module:Crash', target: edge1, begin: 3 s, end: 4 s}"
-    short = ("--set", "methods=[remote]", "--set", "cars[0].route.window=[0 s, 5 s]", "--no-report")
-    ran = run_cli("run", "street_1car_homo", "--set", f"faults=[{fault}]", *short)
-    assert ran.returncode == 0, ran.stderr
-    (folder,) = (tmp_path / "results").iterdir()
-    import pandas as pd
-
-    rows = pd.read_parquet(folder / "frames.parquet").query("method == 'remote'")
-    assert (rows["drop"] == "edge1:crash").sum() >= 1
-    assert (rows["drop"] == "car1->edge1:crash").sum() > 5
-    assert "my_module:Crash" in (folder / "run.json").read_text()
-    wrong = run_cli(
-        "run",
-        "street_1car_homo",
-        "--set",
-        f"faults=[{fault.replace('edge1', 'edge7')}]",
-        "--no-report",
-    )
-    assert wrong.returncode == 1 and "faults[0].target: unknown target 'edge7'" in wrong.stderr
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from genie_sim.core.similarity import SIMILARITIES
 from tests.conformance.faults import FaultConformance
 from tests.conformance.frame_sources import FrameSourceConformance
 from tests.conformance.genie_parts import GeniePartConformance
-from tests.conformance.link_models import LinkModelConformance, LoneLinkConformance
+from tests.conformance.link_models import LoneLinkConformance
 from tests.conformance.methods import MethodConformance
 
 OWN = "tests.conformance.own"
@@ -48,11 +48,6 @@ def of_similarity() -> None:
     GeniePartConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(part)
 
 
-def of_eviction() -> None:
-    part = {"eviction": f"{OWN}:LeakyEviction"}
-    GeniePartConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(part)
-
-
 def of_method() -> None:
     MethodConformance().test_alone_or_between_others(f"{OWN}:LeakyMethod")
 
@@ -67,19 +62,12 @@ def of_link() -> None:
     LoneLinkConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(link)
 
 
-def of_medium() -> None:
-    link = {"model": f"{OWN}:LeakyMedium", "rate": "300 Mbit/s"}
-    LinkModelConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(link)
-
-
 def of_source() -> None:
     source = {"source": f"{OWN}:LeakyStreet"}
     FrameSourceConformance().test_no_state_goes_from_one_method_to_the_next(source)
 
 
-@pytest.mark.parametrize(
-    "state", [of_similarity, of_eviction, of_method, of_fault, of_link, of_medium, of_source]
-)
+@pytest.mark.parametrize("state", [of_similarity, of_method, of_fault, of_link, of_source])
 def test_state_that_outlives_a_method_is_caught(state: Callable[[], None]):
     with pytest.raises(AssertionError):
         state()

@@ -92,14 +92,6 @@ def test_a_method_that_connects_a_car_without_an_edge_is_one_line():
         run_in_memory(scenario)
 
 
-def test_a_car_without_an_edge_may_be_left_without_any_node():
-    """Under ``remote`` nothing answers it, and its frames say so."""
-    lonely = small.car(1)
-    del lonely["edge"], lonely["link"]
-    rows = small.frames(small.scenario(["remote"], cars=[lonely, small.car(2)]))
-    assert set(rows[rows["car"] == "car1"]["drop"]) == {"car1:no_edge"}
-
-
 def test_a_timer_wakes_its_node_once_at_each_deadline(monkeypatch: pytest.MonkeyPatch):
     """One comes before any frame, and the other a second after the last of them."""
     deadlines_ns, woken = [1_000_000, 3_000_000_000], {}

@@ -123,11 +123,6 @@ def test_maps_and_trackers_use_them_unless_told_to_assume():
     assert served["usual"] != served["assumed"]
 
 
-def test_the_shipped_street_is_judged_with_assumed_laws():
-    prepared = prepare(load_scenario("3car_recommended"))
-    assert prepared.laws is ASSUMED
-
-
 @pytest.mark.parametrize("detector", ["pointrcnn", "rrc"])
 def test_published_detections_give_the_shipped_laws(detector):
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -139,8 +138,3 @@ def test_a_town_s_surrogates_are_as_far_apart_as_real_ones(shipped, name: str):
         assert surrogate.at(poses[7], mix(7)) == Surrogate(seed, name).at(poses[7], mix(7))
         made.append(medians(found, lags))
     assert np.mean(made, axis=0) == pytest.approx(real, rel=0.35 if name == "hsv" else 0.15)
-
-
-def test_features_are_small(shipped):
-    path = Path(files.find(files.TRACE, "kitti_0005"))
-    assert path.stat().st_size < 170_000

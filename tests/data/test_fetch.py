@@ -279,22 +279,13 @@ def test_an_encrypted_archive_writes_nothing(tmp_path):
 def test_an_archive_cut_short_or_changed_is_refused(tmp_path):
     whole = archive([(f"{i}.bin", bytes(range(256)) * 40) for i in range(4)])
     for number, content in enumerate(
-        [b"", b"<html>", whole[:-10], whole[: len(whole) // 2], whole[:60] + b"xx" + whole[62:]]
+        [b"", b"<html>", whole[:-10], whole[: len(whole) // 2], whole[:-600] + b"xx" + whole[-598:]]
     ):
         packed = tmp_path / f"{number}.zip"
         packed.write_bytes(content)
-        with pytest.raises(UserError, match=rf"{number}.zip"):
+        with pytest.raises(UserError, match=rf"{number}.zip: not a readable ZIP archive"):
             fetch.unpack(packed, tmp_path / "out")
-
-
-def test_of_an_archive_with_one_broken_entry_nothing_is_left(tmp_path):
-    whole = archive([("a/one.bin", bytes(range(256))), ("a/two.bin", b"2" * 100)])
-    middle = whole.index(b"a/two.bin") + 12
-    (tmp_path / "x.zip").write_bytes(whole[:middle] + b"??" + whole[middle + 2 :])
-    (tmp_path / "out").mkdir()
-    with pytest.raises(UserError, match=r"x.zip: not a readable ZIP archive"):
-        fetch.unpack(tmp_path / "x.zip", tmp_path / "out")
-    assert not list((tmp_path / "out").iterdir())
+        assert not any((tmp_path / "out").glob("*"))
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])

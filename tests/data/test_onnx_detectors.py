@@ -268,7 +268,6 @@ REFUSED = {
         (640, 100),
         "detector yolov8: size .*multiples of 32",
     ),
-    "no size": (make_yolov8, (0, 0), "detector yolov8: size .*multiples of 32"),
     "a negative size": (make_yolov8, (-32, 32), "detector yolov8: size .*multiples of 32"),
 }
 

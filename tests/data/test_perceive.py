@@ -181,14 +181,11 @@ class Finding:
         return self.boxes
 
 
-class Looking:
+class Looking(Finding):
     """The same with features."""
 
-    def __init__(self, boxes: object) -> None:
-        self.boxes = boxes
-
-    def look(self, _: np.ndarray) -> object:
-        return self.boxes, {}
+    def look(self, image: np.ndarray) -> object:
+        return self.detect(image), {}
 
 
 BOX = (1, 2, 3, 4)
@@ -224,21 +221,6 @@ def test_boxes_of_ones_own_detector_that_are_shares_are_refused(kind):
     for places in ((-5, -5, 95, 65), (0, 0, 1.5, 1.2), (90, 5, 90, 9), (0, 0, 0, 0.5)):
         boxes = [("car", 0.9, places)]
         assert look(picture, kind(boxes)) == (boxes, {})
-
-
-def test_labels_of_ones_own_detector_that_are_no_classes_are_told(street, monkeypatch):
-    class Mine:
-        name, sha256, size = "mine", "0" * 64, (96, 32)
-
-        def detect(self, _: np.ndarray) -> object:
-            return [("car", 0.9, (1, 2, 30, 40)), ("Auto", 0.9, (1, 2, 30, 40))]
-
-    monkeypatch.setattr(DetectorSettings, "opened", lambda _: Mine())
-    report = ImportReport(street[0])
-    trace = perceived(*street, report=report)
-    count = sum(len(frame.detections) for frames in trace.frames.values() for frame in frames)
-    (line,) = [line for line in report.warnings if "no classes, such as 'Auto'" in line]
-    assert line.startswith(f"{count // 2:,} of {count:,} detections")
 
 
 def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street, tmp_path):

@@ -46,15 +46,8 @@ def test_a_detector_is_judged_by_the_labels_of_a_drive(street, capsys, monkeypat
 
 
 def test_origin_and_missing_scans(street, run_cli, tmp_path):
-    (
-        tmp_path
-        / "kitti"
-        / DATE
-        / f"{DATE}_drive_0005_sync"
-        / "velodyne_points"
-        / "data"
-        / "0000000001.bin"
-    ).unlink()
+    (scan,) = (tmp_path / "kitti").rglob("*_sync/velodyne_points/data/0000000001.bin")
+    scan.unlink()
     refused = run_cli(*street, "--out", "x.parquet")
     assert refused.returncode == 1
     assert "0000000001.bin: missing" in refused.stderr

@@ -128,23 +128,17 @@ def look(
     places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
     if is_share(places[(places[:, :2] > 0).any(axis=1)]):  # what the corner cuts may be small
         raise UserError(f"{where}: {SHARES}")
-    outside = _are_outside(places, (width, height))
+    low, high = places[:, :2], places[:, 2:]
+    size = np.array([width, height])
+    # a box that is cut at the border may be empty there
+    touching = ((low == size) | (high == 0)) & (low < high)
+    outside = (touching | (low > size) | (high < 0)).any(axis=1)
     if outside.any():
         first = short_repr(boxes[int(outside.argmax())])
         raise UserError(
             f"{where} gave {first}, outside of its picture of {width} x {height} pixels"
         )
     return list(boxes), features
-
-
-def _are_outside(places: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Which boxes (n, 4) show nothing of a picture of (width, height). One that is cut at the
-    border may be empty there.
-    """
-    low, high = places[:, :2], places[:, 2:]
-    touch = (low == size) | (high == 0)
-    beyond = (low > size) | (high < 0) | (touch & (low < high))
-    return np.asarray(beyond.any(axis=1))
 
 
 def _is_detected_box(found: Any) -> bool:
