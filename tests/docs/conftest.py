@@ -7,9 +7,11 @@ import shlex
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
+from genie_sim.extend import DETECTORS
 from tests.checkout import REPOSITORY, forget
 
 
@@ -26,5 +28,6 @@ def as_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pat
     monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
     monkeypatch.chdir(work)
     monkeypatch.syspath_prepend("")
-    yield work
+    with mock.patch.dict(DETECTORS):  # a page may add its own
+        yield work
     forget(work)
