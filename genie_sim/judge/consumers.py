@@ -263,7 +263,7 @@ class ConsumerJudge:
         by_judgement = [
             _per_scene(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
-        moving: PerVisible = visible.moving == 1
+        moving: PerVisible = visible.moving
         found: PerVisible = np.zeros(len(moving), dtype=bool)
         found[right.theirs] = True
         scene_of_pair: PerPair = items.scene[right.ours]

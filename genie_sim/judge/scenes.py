@@ -105,7 +105,7 @@ class Visible(NamedTuple):
                     things.append((label, class_, place_code, thing.moving, east_m, north_m))
             rows += [(number, *thing) for thing in things]
         columns = list(zip(*rows, strict=True)) or [()] * len(cls._fields)
-        kinds = [np.int64] * 5 + [np.float64] * 2
+        kinds = [np.int64] * 4 + [np.bool_] + [np.float64] * 2
         return cls(*(np.array(of, dtype=kind) for of, kind in zip(columns, kinds, strict=True)))
 
     def rows(self, selection: Array) -> "Visible":

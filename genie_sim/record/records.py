@@ -279,7 +279,8 @@ class HeldObjectRow(NamedTuple):
     of view, or misses there, for as long as it does so at one place. Judged at the same instants
     and in the same way as `held`, whose counts are the rows of the camera that are open at an
     instant (`begin_ns` <= `stamp_ns` < `end_ns`); two at one place make one row. What several
-    cameras see has a row for each, alike but for the stream. In the order of their ends.
+    cameras see has a row for each, alike but for the stream. In the order of their ends, then of
+    their beginnings.
     """
 
     method: Method

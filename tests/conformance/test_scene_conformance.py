@@ -12,7 +12,6 @@ from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.scene import Scene, SceneDrives, SceneSource
 from genie_sim.worlds.scene.view import PlacedObjects, in_view
 from tests.conformance.scenes import SceneConformance
-from tests.make import KARLSRUHE
 
 TOWN = {"source": "town", "town": {"blocks": [4, 4]}}
 TRAFFIC = {"source": "traffic", "fcd": "sumo_grid", "begin": "62 s"}
@@ -35,7 +34,7 @@ class Yard(Scene):
     anything, and whatever is asked about, all of it is told.
     """
 
-    name, random_name, origin = "yard", "yard", KARLSRUHE
+    name = random_name = "yard"
 
     def __init__(self, seed, settings):
         super().__init__(seed, settings.view_m, settings.range_m)

@@ -193,13 +193,6 @@ def test_a_reply_reaches_the_one_it_is_meant_for():
     assert [listener.heard for listener in listeners] == [[], [("/notes", 7, "publisher")]]
 
 
-def test_a_large_message_takes_a_longer_hop():
-    device = fixed_device("car1", detector="1 ms", hop="0.3 ms", per_megabyte="2.28 ms")
-    hop = built_device(device, "autoware_vision_detector").hop
-    assert hop.of(1_397_297) == 300_000 + 2_280_000 * 1_397_297 // 10**6
-    assert hop.of(0) == 300_000
-
-
 # Remapping and attaching
 
 

@@ -79,7 +79,7 @@ class SceneDrive(Drive):
                 f"{scene.name}: drive of {car}: duration {duration_ns} ns and interval "
                 f"{interval_ns} ns must be positive, start {start_ns} ns not negative"
             )
-        self.scene, self.car, self.origin = scene, car, scene.origin
+        self.scene = scene
         self.duration_ns, self.interval_ns, self.start_ns = duration_ns, interval_ns, start_ns
         self.name = f"{scene.name}_{car}"
         named = f"{scene.digest} {car}"

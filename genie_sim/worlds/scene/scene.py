@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 
-from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.base.geometry import Array
 from genie_sim.base.marks import POSITIVE
 from genie_sim.base.seeds import stream
 from genie_sim.base.setting_errors import SettingError
@@ -47,8 +47,8 @@ class SceneVisibility(Protocol):
 class Scene:
     """Objects, where they are at any time of the scene's clock, and how a detector sees them.
 
-    A subclass gives ``name``, ``random_name``, ``origin``, ``digest``, ``objects``, ``visibility``
-    and ``facts``; ``tests.conformance.scenes`` holds it to that. No random number hangs on its
+    A subclass gives ``name``, ``random_name``, ``digest``, ``objects``, ``visibility`` and
+    ``facts``; ``tests.conformance.scenes`` holds it to that. No random number hangs on its
     ``digest``, but on ``random_name`` and the seed: other settings are another scene of the same
     draws.
     """
@@ -58,9 +58,6 @@ class Scene:
 
     random_name: ClassVar[str]
     """Names the random numbers: another word draws anew for every seed."""
-
-    origin: ClassVar[Geodetic]
-    """Where east and north are 0: latitude [deg], longitude [deg], altitude [m]."""
 
     on_grid: ClassVar[bool] = False
     """Whether all cars drive east, west, north or south, but for their turns."""

@@ -83,13 +83,12 @@ class Commuting:
         """
         draws = random.random(3).tolist()
         node = (int(draws[0] * (self._east + 1)), int(draws[1] * (self._north + 1)))
-        destination = self.destination(draws[2])
+        draw = draws[2]
         for _ in range(MAX_DRAWS if len(self._destinations) > 1 else 0):
-            if destination != node:
+            if self.destination(draw) != node:
                 break
-            destination = self.destination(float(random.random()))
-        if destination == node:
-            destination = self._other(node)
+            draw = float(random.random())
+        destination = self._elsewhere(node, draw)
         way, before = [node], None
         while node != destination:
             before, node = node, self.after(before, node, destination)
@@ -97,9 +96,7 @@ class Commuting:
         first = int(float(random.random()) * (len(way) - 1))
         yield from way[first:]
         while True:
-            destination = self.destination(float(random.random()))
-            if destination == node:
-                destination = self._other(node)
+            destination = self._elsewhere(node, float(random.random()))
             # Who never turns back may circle round a destination: after so many legs, about four
             # times the way across the town, another one is drawn.
             for _ in range(4 * (self._east + self._north + 2)):
@@ -108,6 +105,12 @@ class Commuting:
                 before, node = node, self.after(before, node, destination)
                 yield node
 
-    def _other(self, node: Node) -> Node:
+    def _elsewhere(self, node: Node, draw: float) -> Node:
+        """The destination that a number in [0, 1) stands for; on the other side of the town where
+        that is here.
+        """
+        destination = self.destination(draw)
+        if destination != node:
+            return destination
         mirrored = (self._east - node[0], self._north - node[1])
         return mirrored if mirrored != node else (0, 0)

@@ -167,8 +167,10 @@ def drive(
         t_s = course.follow(t_s, pose, 0.0, phases)
         pose = _along(pose, 0.0, length_m)
         if stops:
-            waits = Phase(max(STOP_S, free_s - t_s), 0.0, 0.0)
-            t_s = course.follow(t_s, pose, 0.0, [waits])
+            waits_s = max(STOP_S, free_s - t_s)
+            if crossing.has_light and t_s + waits_s - free_s >= GREEN_S:  # it braked for too long
+                waits_s = green_at(crossing.node, crossing.northbound, t_s + waits_s) - t_s
+            t_s = course.follow(t_s, pose, 0.0, [Phase(waits_s, 0.0, 0.0)])
         phases, speed_mps = _phases(
             rules, crossing.length_m, through_mps, ends_mps=(end_mps, through_mps)
         )

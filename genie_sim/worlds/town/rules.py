@@ -113,8 +113,8 @@ class TownRules:
             raise SettingError("parked_cars_per_100m", f"{self.parked_cars_per_100m:g} {why}")
         east, north = self.blocks
         streets_m = (east * (north + 1) + north * (east + 1)) * self.block_m
-        densities = [field.name for field in fields(self) if field.name.endswith("_per_100m")]
-        count = streets_m / 100 * math.fsum(getattr(self, name) for name in densities)
+        per_100m = (field.name for field in fields(self) if field.name.endswith("_per_100m"))
+        count = streets_m / 100 * math.fsum(getattr(self, name) for name in per_100m)
         if count > MAX_OBJECTS:
             why = f"make about {count:,.0f} objects, and at most {MAX_OBJECTS:,} are possible"
             raise SettingError("blocks", why)

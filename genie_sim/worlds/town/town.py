@@ -28,7 +28,6 @@ class Town(Scene):
     """
 
     name, random_name = "town", TOWN_DRAWS
-    origin = 49.0, 8.4, 115.0  # near Karlsruhe, where KITTI was recorded; the town is made up
     on_grid = True
 
     def __init__(self, rules: TownRules, seed: int, range_m: float = SceneSource.range_m) -> None:

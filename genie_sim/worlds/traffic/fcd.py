@@ -176,9 +176,7 @@ class _Reader:
         self.step.vehicles.append(number)
         self.step.values.extend((x_m, y_m, angle_deg, _speed(attributes.get("speed", "nan"))))
 
-    def _number(
-        self, attributes: Mapping[str, str], what: str, name: str, most: float = MAX_M
-    ) -> float:
+    def _number(self, attributes: Mapping[str, str], what: str, name: str, most: float) -> float:
         """An attribute that is a number up to ``most``. Raises UserError."""
         if attributes.get(name) is None:
             raise self.error(f"{what}: attribute {name!r} is missing")

@@ -43,9 +43,10 @@ def compare_ways(rows: "VehicleRows", speeds_mps: Array) -> None:
     order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
     same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
-    if same_vehicle.any() and np.median(apart[same_vehicle]) > 1:
+    usual = np.median(apart[same_vehicle]) if same_vehicle.any() else 1
+    if usual > 1:
         report.refuse(
-            f"a vehicle is there at every {np.median(apart[same_vehicle]):g}th step only, and "
+            f"a vehicle is there at every {usual:g}th step only, and "
             "nowhere in between: write all vehicles at all steps (--device.fcd.period)"
         )
     pairs = same_vehicle & (apart == 1)

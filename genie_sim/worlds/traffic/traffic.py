@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from genie_sim.base.classes import PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.units import NS_PER_S
-from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.kept_words import TRAFFIC_DRAWS
 from genie_sim.worlds.scene.objects import ObjectColumns
@@ -44,7 +43,7 @@ class Traffic(Scene):
     detector looks, what the vehicles are, the seed and the detector's laws.
     """
 
-    name, random_name, origin = "traffic", TRAFFIC_DRAWS, SOMEWHERE
+    name, random_name = "traffic", TRAFFIC_DRAWS
 
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int

@@ -44,14 +44,15 @@ def test_a_light_is_green_for_one_street_at_a_time():
             assert green_at((4, 8), northbound, green_s + 1e-6) == green_s + 1e-6
 
 
-def test_no_car_drives_into_a_red_light():
+@pytest.mark.parametrize("slow", [{}, {"braking_mps2": 0.15, "block_m": 700.0}])
+def test_no_car_drives_into_a_red_light(slow):
     """Of six cars in a town with lights at all junctions: each is green within the tenth of a
-    second in which a car drives in.
+    second in which a car drives in, also where cars brake for longer than a light is green.
     """
-    rules, step_s, entries = TownRules(blocks=(3, 3), main_every=1), 0.1, 0
+    rules, step_s, entries = TownRules(blocks=(3, 3), main_every=1, **slow), 0.1, 0
     town = Town(rules, seed=2)
     for k in range(6):
-        drive = town.drive(f"car{k}", 120 * NS_PER_S)
+        drive = town.drive(f"car{k}", 600 * NS_PER_S)
         way = np.array([drive.position(t_ns) for t_ns in range(0, drive.duration_ns, STEP_NS)])
         nodes = np.rint(way / rules.block_m).astype(int)
         is_inside = (np.abs(way - nodes * rules.block_m) < JUNCTION_M - 1e-3).all(axis=1)

@@ -45,8 +45,6 @@ def test_a_block_is_long_enough_to_stop_in_from_the_higher_limit():
         SettingError, match="too short to stop in from the speed limit; at least 124 m"
     ):
         TownRules(block_m=123.9, **few)
-    with pytest.raises(SettingError, match="at least 124 m"):
-        TownRules(block_m=123.9, speed_mps=20.0, parked_cars_per_100m=0.0)
 
 
 def test_parked_cars_have_room_between_junctions():
@@ -57,9 +55,7 @@ def test_parked_cars_have_room_between_junctions():
         TownRules(parked_cars_per_100m=24.1)
 
 
-def test_whole_numbers_are_the_same_town_and_streets_have_their_limits():
-    few = from_plain(TownRules, {"parked_cars_per_100m": 4, "blocks": [8, 8]})
-    assert str(few) == str(TownRules(parked_cars_per_100m=4.0))
+def test_streets_have_their_limits():
     rules = TownRules(main_every=3)
     assert [rules.main(street) for street in range(5)] == [True, False, False, True, False]
     assert rules.limit_mps(3) == rules.main_speed_mps > rules.limit_mps(4) == rules.speed_mps
