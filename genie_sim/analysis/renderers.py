@@ -124,14 +124,15 @@ def html(table: ResultTable) -> str:
 
 
 def html_table(table: ResultTable) -> str:
-    """The table alone as HTML; intervals in small letters."""
+    """The table alone as HTML: titles and keys head their rows, intervals are in small letters."""
     corner, *columns = map(escape, table.headings)
     head = "".join(f'<th scope="col">{column}</th>' for column in columns)
     rows = zip(table.texts(intervals=False), table.texts(), strict=True)
-    body = "".join(
-        f'<tr><th scope="row">{escape(title)}</th>{"".join(map(_html_cell, values, texts))}</tr>'
-        for (title, *values), (_, *texts) in rows
-    )
+    heads = 1 + table.keys
+    body = ""
+    for values, texts in rows:
+        titles = "".join(f'<th scope="row">{escape(text)}</th>' for text in texts[:heads])
+        body += f"<tr>{titles}{''.join(map(_html_cell, values[heads:], texts[heads:]))}</tr>"
     return f"<table><thead><tr><td>{corner}</td>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 

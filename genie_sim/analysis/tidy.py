@@ -125,15 +125,15 @@ def cells_of(
     like = Run(run_id, facts, "", tables={}, measured=(), label=label, words=words)
     whole = table[(table["placement"] == "all") & (table["component"] == "")]
     fields = [field for field in METRIC_FIELDS if field in whole]
-    rows = whole[[*by, "seed", *fields]].astype(object)
-    numbers: dict[tuple[Any, ...], list[MetricValue]] = {}
-    for row in rows.where(rows.notna(), None).itertuples(index=False, name=None):
-        place, number = row[: len(by) + 1], row[len(by) + 1 :]
-        numbers.setdefault(place, []).append(
-            MetricValue(**{"unit": "", **dict(zip(fields, number, strict=True))})
-        )
+    known = whole[[*by, "seed", *fields]].astype(object).where(whole.notna(), None)
+    groups: Any = known.groupby([*by, "seed"], sort=False, dropna=False)
     cells: dict[str, dict[int, Run]] = {}
-    for (*levels, seed), measured in numbers.items():
+    for (*levels, seed), rows in groups:
+        numbers = rows[fields].itertuples(index=False, name=None)
+        measured = [
+            MetricValue(**{"unit": "", **dict(zip(fields, number, strict=True))})
+            for number in numbers
+        ]
         cell = ", ".join(
             f"{axis} {level_text(level)}" for axis, level in zip(by, levels, strict=True)
         )

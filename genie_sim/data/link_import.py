@@ -22,27 +22,22 @@ BIN_MS = 100  # of such a trace, over which its packets become a rate
 MAX_BINS = 1_000_000  # a day and a bit
 
 MAX_MBPS, MAX_MS = 1e9, 1e9  # what no link has; products with units stay whole
-CSV = (
-    FileColumn("up_mbps", lowest=0.0, highest=MAX_MBPS),
-    FileColumn("down_mbps", lowest=0.0, highest=MAX_MBPS),
-    FileColumn("rtt_ms", lowest=0.0, highest=MAX_MS),
-)
+CSV = {  # and the columns of a recording that they become, multiplied
+    FileColumn("up_mbps", lowest=0.0, highest=MAX_MBPS): ("up_bps", 1e6),
+    FileColumn("down_mbps", lowest=0.0, highest=MAX_MBPS): ("down_bps", 1e6),
+    FileColumn("rtt_ms", lowest=0.0, highest=MAX_MS): ("rtt_ns", NS_PER_MS),
+}
 CICV5G = (
     FileColumn("pub_time_ms", lowest=0.0, highest=MAX_TIME_S * 1e3),
     FileColumn("delay_ms", lowest=0.0, highest=MAX_MS),
 )
-CSV_FACTORS = {
-    "up_mbps": ("up_bps", 1e6),
-    "down_mbps": ("down_bps", 1e6),
-    "rtt_ms": ("rtt_ns", NS_PER_MS),
-}
 
 
 def _read(
-    path: Path, columns: Sequence[FileColumn], uneven: bool = False
+    table: FileTable, columns: Sequence[FileColumn]
 ) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Where each row stands, and the values of each column. Raises ``UserError``."""
-    rows = list(FileTable(path, uneven=uneven).rows(columns))
+    rows = list(table.rows(columns))
     values = list(zip(*(row.values for row in rows), strict=True)) or [()] * len(columns)
     return [row.where for row in rows], values
 
@@ -68,18 +63,18 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
     """``time_s`` and any of ``up_mbps``, ``down_mbps`` and ``rtt_ms``."""
     table = FileTable(path)
     given = [column for column in CSV if table.place(column) is not None]
-    where, (times_s, *values) = _read(path, [TIME, *given])
+    if not given:
+        titles = ", ".join(map(short_repr, table.titles))
+        text = f"needs a column of up_mbps, down_mbps, rtt_ms; the file has {titles}"
+        raise UserError(f"{path}: {text}; rates are in bits, not bytes")
+    where, (times_s, *values) = _read(table, [TIME, *given])
     for place, (before_s, time_s) in zip(where[1:], pairwise(times_s), strict=True):
         if time_s <= before_s:
             raise UserError(f"{place}: time_s: must be more than {before_s:g}, not {time_s:g}")
     columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
     for column, numbers in zip(given, values, strict=True):
-        name, factor = CSV_FACTORS[column.name]
+        name, factor = CSV[column]
         columns[name] = _scaled(numbers, factor)
-    if not given:
-        titles = ", ".join(map(short_repr, table.titles))
-        text = f"needs a column of up_mbps, down_mbps, rtt_ms; the file has {titles}"
-        raise UserError(f"{path}: {text}; rates are in bits, not bytes")
     for title in table.unused([TIME, *given]):
         report.leave_out(f"column {title!r}")
     return columns
@@ -90,7 +85,7 @@ def from_cicv5g(path: Path, direction: Direction, report: ImportReport) -> Colum
     millisecond the first is taken.
     """
     # some files have two columns more than titles
-    _, (sent_ms, delays_ms) = _read(path, CICV5G, uneven=True)
+    _, (sent_ms, delays_ms) = _read(FileTable(path, uneven=True), CICV5G)
     first = [row for row, t_ms in enumerate(sent_ms) if row == 0 or t_ms != sent_ms[row - 1]]
     why = "sent in the millisecond of another, as where a spreadsheet rounds (1.66E+12)"
     report.check_dropped("messages", len(first), len(sent_ms), why)
@@ -105,7 +100,7 @@ def from_mtu(path: Path, direction: Direction, report: ImportReport) -> Columns:
     before, so it belongs to the time before it.
     """
     rate = FileColumn("rate_mbps", lowest=0.0, highest=MAX_MBPS)
-    where, (times, rates) = _read(path, [FileColumn("Time", "text"), rate])
+    where, (times, rates) = _read(FileTable(path), [FileColumn("Time", "text"), rate])
     t_ns = _times_ns(where, times, "%a %b %d %H:%M:%S UTC %Y")
     return {"t_ns": t_ns[:-1], f"{direction}_bps": _scaled(rates, 1e6)[1:]}
 

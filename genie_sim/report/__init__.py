@@ -1,3 +1,10 @@
-"""What people look at: the page of a run, a comparison, an evaluation or a sweep, and a notebook's
-tables.
+"""What people look at.
+
+``result``      the protocol of results, which ``kinds`` fills, and several results compared
+``output``      what a run leaves besides its tables: summary, figures, page
+``comparison``  the same of a comparison
+``pages``       what stands on the page of a run, of several seeds, of a sweep, of a comparison
+``template``    the one template of all pages, with its pieces
+``replay``      the data of the replay on a run's page; ``replay.js`` draws them, with the scripts
+                that it imports
 """

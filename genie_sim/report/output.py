@@ -21,7 +21,7 @@ class Output:
     Parameters
     ----------
     page : bool
-        Whether there is ``report.html``; of a sweep, whether there are figures.
+        Whether there is ``report.html``; of a sweep, which has none, whether there are figures.
     figures : sequence of str
         The formats of the figures of a run, such as ``svg``; none: no figures.
     """

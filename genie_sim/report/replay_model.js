@@ -25,9 +25,10 @@ function restored(table, names) {
 //
 // `run`:
 //   frames    the columns of all streams by a frame's id, and of each frame its stream and its number in it
+//   streams   lap_ids are a Set
 //   cars      those with frames, and of each its streams
 // each `method` of run.methods:
-//   lookups, steps    and of_frame: a Map of a frame's id to its rows
+//   lookups, steps    with of_frame, a Map of a frame's id to its rows
 //   images    the rows of lookups that are of message caches; image_t_us: their instants
 //   messages  all (from, to, begin_us, end_us, in order of begin_us), begin_us (of each), longest_us (that one took)
 //   caches    whether any frame was looked up in a message cache
@@ -35,12 +36,12 @@ export function decode(replay) {
   const streams = replay.streams
     .map((stream) => restored(stream, replay.names))
     .map((stream) => ({ ...stream, lap_ids: new Set(stream.lap_ids) }));
-  const columns = ["stamp_us", "east_m", "north_m", "heading_rad"].map((name) => [
-    name,
-    streams.flatMap((stream) => stream[name]),
-  ]);
+  const ofAll = (name) => streams.flatMap((stream) => stream[name]);
   const frames = {
-    ...Object.fromEntries(columns),
+    stamp_us: ofAll("stamp_us"),
+    east_m: ofAll("east_m"),
+    north_m: ofAll("north_m"),
+    heading_rad: ofAll("heading_rad"),
     stream: streams.flatMap((stream) => stream.stamp_us.map(() => stream)),
     number: streams.flatMap(({ first_frame, stamp_us }) => stamp_us.map((_, place) => first_frame + place)),
   };

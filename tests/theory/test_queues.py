@@ -149,40 +149,6 @@ def test_a_wrong_service_law_would_be_noticed():
     assert not equivalent(waits[:2], expected=float(np.mean(waits[:2])), margin=0.05)
 
 
-def test_little_s_law_and_utilization():
-    """What a run samples every 100 ms (queue, time used) agrees with what happened: L = lambda W, U
-    = rho.
-    """
-    rho, customers = 0.7, 3000
-
-    def experiment(rng: np.random.Generator) -> tuple[float, float]:
-        env = Clock()
-        processor = Processor(env, "edge1.accelerator", "accelerator")
-        waits: list[int] = []
-        queues: list[int] = []
-
-        def customer() -> None:
-            came_ns = env.now
-            job(processor, SERVICE_NS, lambda: waits.append(env.now - came_ns - SERVICE_NS))
-
-        def sampler():
-            while processor.completed < customers:
-                queues.append(processor.queued)
-                yield env.timeout(SERVICE_NS // 3)
-
-        env.process(arrivals(env, rng, rho, 1, customers, lambda _: customer()))
-        env.run(env.process(sampler()))
-        rate_per_ns = customers / env.now
-        return np.mean(queues) / (rate_per_ns * np.mean(waits)), processor.busy_ns / (
-            customers * SERVICE_NS
-        )
-
-    little = replicate(lambda rng: experiment(rng)[0], replications=20, seed=6)
-    assert equivalent(little, expected=1.0, margin=0.02)
-    used = replicate(lambda rng: experiment(rng)[1], replications=2, seed=6)
-    assert used == (1.0, 1.0)
-
-
 def test_time_in_use_counts_the_job_in_service():
     env = Clock()
     processor = Processor(env, "edge1.accelerator", "accelerator", 2)
@@ -267,21 +233,6 @@ def test_detector_that_keeps_the_newest_image_drops_as_m_d_1_2(rho: float):
 
     losses = replicate(experiment, replications=30, seed=9)
     assert equivalent(losses, expected=1 - 1 / (rho + math.exp(-rho)), margin=0.05)
-
-
-def test_detector_answers_in_order_and_takes_the_newest():
-    rng = np.random.default_rng(1)
-    answered, dropped, waits = detector_run(rng, rho=3.0, queue_length=1, images=500)
-    assert answered == sorted(answered)
-    assert max(waits) < SERVICE_NS, (
-        "the one that waits is pushed out by newer ones, so none waits for two"
-    )
-    dropped_ns = np.array(dropped)
-    begins_ns = [stamp_ns + wait_ns for stamp_ns, wait_ns in zip(answered, waits, strict=True)]
-    for stamp_ns, begin_ns in zip(answered, begins_ns, strict=True):
-        assert not ((dropped_ns > stamp_ns) & (dropped_ns < begin_ns)).any(), (
-            "a newer image was thrown away"
-        )
 
 
 @pytest.mark.nightly

@@ -63,6 +63,7 @@ class DetectorSettings:
     classes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        # however they were given, to be compared
         object.__setattr__(self, "providers", (*self.providers,))
 
     def unusual(self, *names: str) -> dict[str, Any]:

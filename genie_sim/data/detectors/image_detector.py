@@ -106,13 +106,13 @@ def look(
     features: Any = {}
     if isinstance(detector, FeatureDetector):
         where += ": look()"
-        both: Any = detector.look(image_bgr)
-        if not (isinstance(both, tuple) and len(both) == 2 and isinstance(both[1], dict)):
+        answer: Any = detector.look(image_bgr)
+        if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], dict)):
             raise UserError(
-                f"{where} gave {short_repr(both)}; it must give what detect() does and a dict of "
+                f"{where} gave {short_repr(answer)}; it must give what detect() does and a dict of "
                 "features"
             )
-        boxes, features = both
+        boxes, features = answer
     else:
         where += ": detect()"
         boxes = detector.detect(image_bgr)
