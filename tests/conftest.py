@@ -48,6 +48,12 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sweep draws nothing: that takes most of a small one's time."""
+    monkeypatch.setattr("genie_sim.study.figures.SweepFigures.drawn", lambda _: iter(()))
+
+
 @pytest.fixture(scope="session")
 def kitti_root() -> Path:
     """The folder of real KITTI frames; skips the test where there is none."""

@@ -146,6 +146,7 @@ def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 def test_the_last_shard_of_a_sweep_makes_its_table():
     axes, short = {"spread": ["isolated", "loaded"]}, {"cars[0].route.window": ["0 s", "0.3 s"]}
     both = {"seeds": 1, "methods": "local", "jobs": 1, "out": "lab"}

@@ -282,6 +282,7 @@ def test_the_committed_evaluation_is_what_was_written():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     folder = copied(REPOSITORY / "results" / "paper", tmp_path / "paper")
     page = tmp_path / "page.html"

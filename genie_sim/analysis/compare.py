@@ -528,7 +528,7 @@ def _text(value: Any) -> str:
         return "-"
     if isinstance(value, Mapping) and "title" in value:
         return short_repr(value["title"])
-    return "given" if value and isinstance(value, Mapping | list | tuple) else short_repr(value)
+    return short_repr(value)
 
 
 def as_metrics(

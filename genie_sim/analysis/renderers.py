@@ -58,7 +58,7 @@ PACKAGES = ("booktabs", "array")
 MAX_NARROW = 3  # columns of numbers in a column of two
 MAX_WIDE = 6  # and over both
 MAX_ROWS = 25  # with intervals below them they take the height of a page
-HEADING_CHARACTERS = 14
+HEADING_CHARACTERS, MAX_KEY_CHARACTERS = 14, 24
 UNDEFINED = "--"
 LAST_LATIN = "\u00ff"  # of the letters that pdflatex knows
 
@@ -264,14 +264,16 @@ def _blocks(length: int, most: int) -> list[slice]:
 
 def _tabular(table: ResultTable, wide: bool) -> str:
     width = (0.30 if wide else 0.34) / (1 + table.keys)
-    title = rf">{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}"
-    if table.keys and all(len(row.title) <= HEADING_CHARACTERS for row in table.rows):
-        title = "l"
+    wrapped = rf">{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}"
     sides = ["r" if is_number else "l" for is_number in _are_numbers(table)]
     headings = [_heading(*about) for about in zip(table.columns, sides, strict=True)]
+    columns, texts = [wrapped, *sides], table.texts()
+    for place in range(1 + table.keys if table.keys else 0):
+        is_short = all(len(row[place]) <= MAX_KEY_CHARACTERS for row in texts)
+        columns[place] = "l" if is_short else wrapped
     lines = [
-        rf"\begin{{tabular}}{{@{{}}{title}",
-        f"  {''.join(sides)}",
+        rf"\begin{{tabular}}{{@{{}}{columns[0]}",
+        f"  {''.join(columns[1:])}",
         r"  @{}}",
         r"\toprule",
         " & ".join([_title(table.corner), *headings]).strip() + r" \\",

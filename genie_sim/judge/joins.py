@@ -44,6 +44,9 @@ class Pairs(NamedTuple):
 def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
     """All pairs of one group within reach, in any order.
 
+    Pairs of one strip of the ground that are near from west to east are looked at alone; then their
+    distance decides, as in ``base.matching.near``.
+
     Two of ours at 0 and 5 m, three of theirs at 1, 4 and 7 m east:
 
     >>> group, north_m = np.zeros(3, dtype=int), np.zeros(3)
@@ -55,6 +58,7 @@ def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
         none = np.zeros(0, dtype=np.int64)
         return Pairs(none, none, np.zeros(0))
     our_strip, their_strip, neighbours = _strips(ours, theirs, reach_m)
+    # each of ours is looked for in its own strip and in those beside it
     asked = np.tile(np.arange(len(our_strip)), len(neighbours))
     strip = our_strip[asked] + np.repeat(neighbours, len(our_strip))
     which, theirs_near = _side_by_side(
@@ -81,13 +85,13 @@ def _strips(
     if len(theirs.group) <= SMALL_GROUP * (np.ptp(theirs.group) + 1):
         return ours.group, theirs.group, (0.0,)
     breadth_m = reach_m * (1.0 + 1e-9)
-    ours_up, theirs_up = (np.floor(places.north_m / breadth_m) for places in (ours, theirs))
-    # the first and the last strip of a group stay empty: beside them are those of another
-    lowest = min(ours_up.min(), theirs_up.min()) - 1.0
-    strips = max(ours_up.max(), theirs_up.max()) - lowest + 2.0
+    our_strip, their_strip = (np.floor(places.north_m / breadth_m) for places in (ours, theirs))
+    # the first and the last strip of a group stay empty: they are beside those of other groups
+    first = min(our_strip.min(), their_strip.min()) - 1.0
+    strips = max(our_strip.max(), their_strip.max()) - first + 2.0
     return (
-        ours.group * strips + ours_up - lowest,
-        theirs.group * strips + theirs_up - lowest,
+        ours.group * strips + our_strip - first,
+        theirs.group * strips + their_strip - first,
         (-1.0, 0.0, 1.0),
     )
 

@@ -54,6 +54,8 @@ class RecentPlaces:
         code, at = visible
         result = np.zeros(len(tolerance_m), dtype=bool)
         if len(result) and len(self):
+            # of each place that is asked about and each known one near it: when that was visible
+            # last, in this window or before
             asked, near_code = self._near(places, tolerance_m)
             before = _last_before(visible, np.stack([near_code, instant[asked]]), len(now_ns))
             last_ns = np.where(before == _NONE, self._last_ns[near_code], now_ns[before])

@@ -138,7 +138,8 @@ def all_positive(shown: Values, *legs: Effects, note: str = "") -> Finding:
     if held == len(effects):
         return Finding(HOLDS, shown, note)
     failures = _missing({name: state for name, state in states.items() if state != HELD})
-    note = "; ".join(filter(None, [note, f"{held} of {len(effects)} hold, not {failures}"]))
+    counts = f"{held} of {len(effects)} effects hold, the others: {failures}"
+    note = "; ".join(filter(None, [note, counts]))
     legs_held = (all(states[name] == HELD for name in leg) for leg in legs)
     relative = [effect.effect / effect.scale for effect in effects.values()]
     _, low, _ = interval(np.mean(relative, axis=0))

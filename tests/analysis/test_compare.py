@@ -275,6 +275,8 @@ def read_again(run: Run, **scenario: object) -> Run:
 def test_runs_that_read_other_data_are_two_settings(usual: list[Run]):
     made = compare([usual[0], read_again(usual[0])])
     assert len(made.names) == 2 and list(made.settings) == ["traces.car1"]
+    stalled = compare([usual[0], read_again(usual[0], faults=[{"fault": "stall"}])])
+    assert stalled.settings["scenario.faults[0]"] == ["-", "{'fault': 'stall'}"]
     assert '<h2 id="h-figures">' not in pages.of_comparison(made, {}), "no heading of nothing"
     with pytest.raises(UserError, match="no seed in common"):
         compare([usual[0], read_again(usual[1])])

@@ -157,6 +157,7 @@ def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize("name", ["s3://bucket", "a=1"])
 def test_a_folder_may_be_called_like_an_address(name, made, capsys):
     """Nothing is looked up in a network, and nothing is read from elsewhere."""

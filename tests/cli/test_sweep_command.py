@@ -19,6 +19,7 @@ def only_folder() -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 def test_a_sweep_without_a_file_goes_on_where_it_was(capsys):
     command = [*SWEEP, "--seeds", "2", "--methods", "genie"]
     assert main(command) == 0
@@ -32,6 +33,7 @@ def test_a_sweep_without_a_file_goes_on_where_it_was(capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 def test_more_seeds_go_into_the_same_folder_and_other_settings_into_another(capsys):
     assert main([*SWEEP, "--seeds", "1", "--methods", "local"]) == 0
     folder = only_folder()

@@ -13,6 +13,7 @@ import genie_sim as gs
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_figures")
 def test_a_search_goes_on_and_reports_seeds_that_it_has_not_seen(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(search_settings, "TUNING", (1,))
     monkeypatch.setattr(search_settings, "HELD_OUT", (2,))

@@ -491,10 +491,11 @@ def test_parts_that_fail_are_named_and_one_whole_leg_is_a_part():
     gaps = evidence(both("object_reuse", 0.3, 0.3, 0.3, 0.36, 0.33, 0.31))
     found = CHECKS["C16"](gaps, CLAIMS["C16"])
     assert found.verdict == "partly"
-    assert found.note == ("3 of 5 hold, not 1 to 2 cars (contrary), 2 to 3 cars (contrary)")
+    others = "1 to 2 cars (contrary), 2 to 3 cars (contrary)"
+    assert found.note == f"3 of 5 effects hold, the others: {others}"
     boost = evidence(SHARING + UNSHARED + both("confidence_boost", 0.009))
     found = CHECKS["C28"](boost, CLAIMS["C28"])
-    assert (found.verdict, found.note) == ("partly", "8 of 12 hold, not 4 contrary")
+    assert (found.verdict, found.note) == ("partly", "8 of 12 effects hold, the others: 4 contrary")
 
 
 def test_what_the_verdict_hangs_on_stands_beside_it():
@@ -516,7 +517,7 @@ def test_object_reuse_of_both_roles_counts_where_they_point_in_opposite_directio
     cars = six("object_reuse:car", 0.1, 0.1, 0.1, 0.5, 0.5, 0.5)
     edges = six("object_reuse:edge", 0.6, 0.6, 0.6, 0.4, 0.3, 0.5)
     found = CHECKS["C16"](evidence(cars + edges), CLAIMS["C16"])
-    assert found.note == "4 of 5 hold, not 1 to 2 cars (contrary)"
+    assert found.note == "4 of 5 effects hold, the others: 1 to 2 cars (contrary)"
 
 
 @pytest.mark.parametrize(

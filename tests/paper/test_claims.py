@@ -98,7 +98,7 @@ def test_an_order_holds_only_if_every_step_excludes_zero():
     assert verdict_of(effects(a=sure, b=sure)) == HOLDS
     found = all_positive(NOTHING, effects(a=sure, b=unsure))
     assert (found.verdict, found.note) != (HOLDS, "")
-    assert found.note == "1 of 2 hold, not b (open)"
+    assert found.note == "1 of 2 effects hold, the others: b (open)"
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,9 @@ def test_an_interrupted_evaluation_goes_on_and_leaves_no_result(tmp_path, monkey
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["1car_hetero", "case_study"])
+@pytest.mark.parametrize(
+    "name", ["1car_hetero", pytest.param("case_study", marks=pytest.mark.nightly)]
+)
 def test_a_run_has_every_number_of_the_evaluation_s_row(name, tmp_path):
     """``run NAME --seed 3`` in every metric."""
     chosen = [run for run in planned([3]) if run.scenario.name == name and run.variant == "base"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.scenario.reading import load_scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
 from genie_sim.sim.cameras import POSITION_BYTES
 from genie_sim.sim.method import OBJECTS
 from genie_sim.sim.nodes import DetectorNode
@@ -30,12 +30,19 @@ def drive(*cars, method="genie"):
     return tables["frames"].to_frame(), tables["lookups"].to_frame(), world
 
 
-def test_the_blind_car_gets_objects_that_the_other_car_has_seen():
-    frames, lookups, _ = drive(SEEING, BLIND)
+@pytest.fixture(scope="module")
+def both():
+    return drive(SEEING, BLIND)
+
+
+def test_the_blind_car_gets_objects_that_the_other_car_has_seen(both):
+    """It uploads positions and no pictures."""
+    frames, lookups, _ = both
     mine = frames[frames["car"] == "car2"]
     assert len(mine) == 240
     assert mine["first_answer_ns"].notna().mean() > 0.95
     assert mine["objects_served"].sum() > 100
+    assert set(mine["bytes_up"]) <= {0, POSITION_BYTES}
     phantom = lookups[(lookups["genie"] == "car2/genie") & (lookups["kind"] != "image")]
     assert phantom["hits"].sum() > 0
 
@@ -46,14 +53,8 @@ def test_alone_on_the_street_it_gets_empty_answers():
     assert frames["objects_served"].sum() == 0
 
 
-def test_it_uploads_positions_and_no_pictures():
-    frames, _, _ = drive(SEEING, BLIND)
-    mine = frames[frames["car"] == "car2"]
-    assert set(mine["bytes_up"]) <= {0, POSITION_BYTES}
-
-
-def test_nobody_detects_anything_where_the_phantoms_are():
-    _, _, world = drive(SEEING, BLIND)
+def test_nobody_detects_anything_where_the_phantoms_are(both):
+    _, _, world = both
     detectors = {
         one.name.split("/")[0] for one in world.network.resources if isinstance(one, DetectorNode)
     }
@@ -67,11 +68,11 @@ def test_nobody_detects_anything_where_the_phantoms_are():
     assert accelerators["car2.accelerator"] == accelerators["edge2.accelerator"] == 0
 
 
-def test_the_seeing_car_is_served_as_much():
+def test_the_seeing_car_is_served_as_much(both):
     """Phantoms ask and never answer neighbours; their questions come in between, so answers are not
     the very same.
     """
-    with_it, _, _ = drive(SEEING, BLIND)
+    with_it, _, _ = both
     without, _, _ = drive(SEEING)
     ours = with_it[with_it["car"] == "car1"].reset_index(drop=True)
     assert len(ours) == len(without)
@@ -82,10 +83,6 @@ def test_the_seeing_car_is_served_as_much():
 def test_without_genie_a_car_without_cameras_has_nothing(method):
     frames, _, _ = drive(SEEING, BLIND, method=method)
     assert set(frames["car"]) == {"car1"}
-
-
-def test_the_shipped_case_study_can_be_read():
-    assert [car.cameras for car in load_scenario("street_case_study").cars] == [True, False]
 
 
 @pytest.mark.parametrize(

@@ -5,17 +5,17 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.core.messages import Header, Publish
+from genie_sim.core.messages import Header
 from genie_sim.links.wire import Wire
 from genie_sim.runs.build import device as built_device
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host
 from genie_sim.sim.link import Bridge, Link
-from genie_sim.sim.method import IMAGES, HostConfig, Interceptor
+from genie_sim.sim.method import HostConfig, Interceptor
 from genie_sim.sim.nodes import attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
-from tests.make import build, fixed_device, scenario
+from tests.make import fixed_device
 from tests.sim.processes import DOWN, UP, transmitter
 
 WORK_NS = 1000
@@ -342,50 +342,3 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
     arrival_ns = 300_000 + transmitter(wire).occupied_ns(Note(2).size_bytes, 0) + 200_000
     assert [number for _, number, _ in heard.heard] == [1, 4]
     assert lost == [(320_000, 3), (arrival_ns, 2)]
-
-
-def test_requests_of_one_edge_are_not_passed_on_by_the_others():
-    """In a whole run: an edge broadcasts the requests of its own car, and never those of a
-    neighbour.
-    """
-    world, _ = build(scenario(3), "genie")
-    published: list[tuple[str, str]] = []
-    for edge in world.edges.values():
-
-        def spy(node, topic, message, to=None, edge=edge, publish=edge.graph.publish) -> None:
-            if topic == f"{IMAGES}-remote":
-                published.append((edge.name, message.header.origin))
-            publish(node, topic, message, to)
-
-        edge.graph.publish = spy
-    world.run()
-    assert set(published) == {("edge1", "car1"), ("edge2", "car2"), ("edge3", "car3")}
-
-
-def test_even_literal_neighbours_pass_a_request_on_only_once():
-    """``neighbour_miss: process``, the paper's words: every Genie runs and broadcasts it, but none
-    does so twice.
-    """
-    world, _ = build(
-        scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie"
-    )
-    published: list[tuple[str, int, str, str]] = []
-    for edge in world.edges.values():
-        genie = edge.graph.node(f"{edge.name}/genie").pure
-
-        def spy(topic, message, now_ns, sender=None, name=edge.name, on_message=genie.on_message):
-            effects = on_message(topic, message, now_ns, sender)
-            published.extend(
-                (name, *effect.message.header)
-                for effect in effects
-                if isinstance(effect, Publish) and effect.topic == f"{IMAGES}-remote"
-            )
-            return effects
-
-        genie.on_message = spy
-    world.run()
-    assert len(published) == len(set(published)) > 0
-    assert {(name, origin) for name, _, _, origin in published} >= {
-        ("edge2", "car1"),
-        ("edge1", "car2"),
-    }

@@ -16,6 +16,8 @@ from studies import baselines, drives, keep, pace, where_it_pays
 from tests.checkout import REPOSITORY
 from tests.data.tracking_files import CALIBRATION, CAR
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 FRAMES = 12
 DRIVES = ("0003", "0005", "0006")
 LABEL = "{frame} 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 20.0 -1.6\n"

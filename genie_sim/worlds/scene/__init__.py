@@ -35,16 +35,16 @@ world of one's own has to give, ``scene.Scene`` says, and ``tests/conformance/sc
 All of these are columns: tuples of arrays of one length, an entry for each thing. Four numbers say
 which thing, and are called the same everywhere, as are four distances:
 
-========== ===========================================================================
-``index``  a frame among all of its camera's drive
-``slot``   a frame in its batch (0 to 63), or a place among those asked about at once
-``row``    an object in the scene's ``objects.ObjectColumns``
-``group``  a group of laws in ``laws.Copula``: one for each of vehicles, persons, ghosts
-``away_m`` how far away an object is
-``view_m`` how far a detector looks
+=========== ===========================================================================
+``index``   a frame among all of its camera's drive
+``slot``    a frame in its batch (0 to 63), or a place among those asked about at once
+``row``     an object in the scene's ``objects.ObjectColumns``
+``group``   a group of laws in ``laws.Copula``: one for each of vehicles, persons, ghosts
+``away_m``  how far away an object is
+``view_m``  how far a detector looks
 ``range_m`` up to where objects are judged; in ``laws.json``, middles of bins of distances
 ``sight_m`` up to where it is known what is in view: the farther of these two
-========== ===========================================================================
+=========== ===========================================================================
 
 So ``visible.row[k]`` is in view in ``visible.slot[k]``; there are as many ``k`` as objects are in
 view in all slots, ordered by slot and then by row. An array's shape is given by what it has an

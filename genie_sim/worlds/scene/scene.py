@@ -197,7 +197,7 @@ class SceneSource(FrameSource):
     """How far an answer may be from the truth and still count as right."""
 
     range_m: Annotated[float, POSITIVE] = 50.0
-    """Objects up to this distance are judged."""
+    """Objects up to this distance are judged, also where the detector looks less far."""
 
     def __post_init__(self) -> None:
         if self.duration_ns / self.interval_ns > MAX_FRAMES:
