@@ -69,13 +69,13 @@ def test_the_camera_stands_where_the_car_drove_and_looks_ahead(tmp_path):
 def test_a_tilted_car_is_turned_as_pykitti_turns_it(tmp_path):
     make_drive(tmp_path, yaw_rad=0.3, roll_pitch_rad=(0.05, -0.02))
     reference = pykitti.raw(str(tmp_path), DATE, "0005").oxts[0].T_w_imu
-    assert open_drive(tmp_path, DRIVE).world_SE3_imu[0] == pytest.approx(reference, abs=1e-6)
+    assert open_drive(tmp_path, DRIVE).layout.world_SE3_imu[0] == pytest.approx(reference, abs=1e-6)
 
 
 def test_the_calibration_is_that_of_pykitti(kitti_root):
     reference = pykitti.raw(str(kitti_root), DATE, "0005").calib
     drive = open_drive(kitti_root, DRIVE, ["02"])
-    assert np.array_equal(drive.velo_SE3_imu, reference.T_velo_imu)
+    assert np.array_equal(drive.layout.velo_SE3_imu, reference.T_velo_imu)
     for number, camera in enumerate(("00", "01", "02", "03")):
         expected = getattr(reference, f"T_cam{number}_velo")
         assert np.array_equal(drive.camera_SE3_velo(camera), expected)
@@ -303,7 +303,7 @@ def test_labelled_parked_cars_stay_at_one_place_in_the_world(kitti_root):
     drive = open_drive(kitti_root, DRIVE)
     wander_m = {}
     for number, car in enumerate(read_tracklets(kitti_root / SYNC / "tracklet_labels.xml")):
-        indices = [index for index in car.centres if index in drive.world_SE3_imu]
+        indices = [index for index in car.centres if index in drive.layout.world_SE3_imu]
         if car.kind != "Car" or len(indices) < 15:
             continue
         world = [transform(drive.world_SE3_velo(i), car.centres[i]) for i in indices]

@@ -273,7 +273,7 @@ def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
     from genie_sim.data.kitti.drive import open_drive
 
     raw = open_drive(kitti_root, "2011_09_26/0005", ["02"])
-    sequence = open_sequence(kitti_root / "tracking" / "training", "0000", raw.origin)
+    sequence = open_sequence(kitti_root / "tracking" / "training", "0000", raw.layout.origin)
     for frame in raw.frames["02"]:
         assert sequence.world_SE3_camera2(frame.index) == pytest.approx(
             frame.world_SE3_camera, abs=0.02

@@ -6,7 +6,6 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -63,13 +62,9 @@ class KittiDrive:
     number. Of the odometry benchmark the first camera stands for the IMU.
     """
 
-    name: str
-    attribution: str
-    origin: Geodetic
+    name: DriveName
+    layout: Layout = field(repr=False)
     frames: Mapping[str, tuple[CameraFrame, ...]]
-    world_SE3_imu: Mapping[int, Array]
-    velo_SE3_imu: Array
-    calibration: Any = field(repr=False)  # pykitti's
     scan_paths: Mapping[int, Path] = field(repr=False)
     _decisive_files: tuple[tuple[str, Path], ...] = field(repr=False)
 
@@ -104,11 +99,11 @@ class KittiDrive:
 
     def camera_SE3_velo(self, camera: str) -> Array:
         """From the laser's frame to that of a rectified camera."""
-        return rectified_SE3_velo(self.calibration, camera)
+        return rectified_SE3_velo(self.layout.calibration, camera)
 
     def world_SE3_velo(self, index: int) -> Array:
         """From the laser's frame to the world, at a frame that has a position."""
-        return self.world_SE3_imu[index] @ inverse(self.velo_SE3_imu)
+        return self.layout.world_SE3_imu[index] @ inverse(self.layout.velo_SE3_imu)
 
     def digest(self) -> str:
         """sha256 over the names and bytes of every file that decides what this drive shows."""
@@ -160,24 +155,20 @@ def open_drive(
     if not allow_missing_scans:
         _check_scans(layout.scans, indices, scans)
     for index in indices:
-        if index not in layout.poses:
+        if index not in layout.world_SE3_imu:
             log.warning("%s: frame %d has no position: it is left out", root / drive, index)
             report.leave_out("frames without a position")
     frames = {camera: _frames(layout, camera, pictures[camera]) for camera in cameras}
     decisive = [*layout.decisive, *(layout.stamps[camera] for camera in cameras)]
     decisive += [frame.image_path for sequence in frames.values() for frame in sequence]
-    used = sorted(layout.poses.keys() & set(indices))
+    used = sorted(layout.world_SE3_imu.keys() & set(indices))
     decisive += [
         paths[index] for paths in (layout.pose_files, scans) for index in used if index in paths
     ]
     return KittiDrive(
-        name=str(name),
-        attribution=layout.attribution,
-        origin=layout.origin,
+        name=name,
+        layout=layout,
         frames=frames,
-        world_SE3_imu=layout.poses,
-        velo_SE3_imu=layout.velo_SE3_imu,
-        calibration=layout.calibration,
         scan_paths=scans,
         _decisive_files=tuple(
             (path.relative_to(root).as_posix(), path) for path in dict.fromkeys(decisive)
@@ -247,7 +238,7 @@ def _frames(layout: Layout, camera: str, pictures: Mapping[int, Path]) -> tuple[
     imu_SE3_camera = inverse(camera_SE3_imu)
     frames: list[CameraFrame] = []
     for index, image_path in pictures.items():
-        if index not in layout.poses:
+        if index not in layout.world_SE3_imu:
             continue
         if frames and stamps_ns[index] <= frames[-1].stamp_ns:
             raise UserError(
@@ -260,7 +251,7 @@ def _frames(layout: Layout, camera: str, pictures: Mapping[int, Path]) -> tuple[
                 index=index,
                 stamp_ns=stamps_ns[index],
                 image_path=image_path,
-                world_SE3_camera=layout.poses[index] @ imu_SE3_camera,
+                world_SE3_camera=layout.world_SE3_imu[index] @ imu_SE3_camera,
                 intrinsics=rectified_intrinsics(layout.calibration, camera),
                 size=layout.sizes[camera],
             )

@@ -52,8 +52,9 @@ class Layout:
     """Where the parts of a drive are, and what it tells of itself.
 
     ``pictures`` and ``stamps`` are the folder and the file of the time stamps of a camera, which
-    ``read_stamps_ns`` reads; ``poses`` are ``world_SE3_imu`` by frame number and ``pose_files``
-    where each was read. ``decisive`` are further files that decide what the drive shows.
+    ``read_stamps_ns`` reads; ``world_SE3_imu`` are poses by frame number and ``pose_files`` where
+    each was read. ``calibration`` is pykitti's, ``decisive`` are further files that decide what the
+    drive shows.
     """
 
     attribution: str
@@ -65,7 +66,7 @@ class Layout:
     stamps: Mapping[str, Path]
     read_stamps_ns: Callable[[Path], Sequence[int]]
     scans: Path
-    poses: Mapping[int, Array]
+    world_SE3_imu: Mapping[int, Array]
     pose_files: Mapping[int, Path]
     decisive: Sequence[Path]
 
@@ -119,7 +120,7 @@ def raw_layout(
         stamps={camera: folder / f"image_{camera}" / "timestamps.txt" for camera in cameras},
         read_stamps_ns=_stamps_ns,
         scans=folder / "velodyne_points" / "data",
-        poses={index: world_SE3_imu(packet, origin) for index, packet in packets.items()},
+        world_SE3_imu={index: world_SE3_imu(packet, origin) for index, packet in packets.items()},
         pose_files=pose_files,
         decisive=calibration_files,
     )
@@ -163,7 +164,7 @@ def odometry_layout(
         stamps=dict.fromkeys(cameras, times),
         read_stamps_ns=_times_ns,
         scans=folder / "velodyne",
-        poses={index: WORLD_SE3_FIRST @ pose for index, pose in enumerate(sequence.poses)},
+        world_SE3_imu={index: WORLD_SE3_FIRST @ pose for index, pose in enumerate(sequence.poses)},
         pose_files={},
         decisive=[calibration_file, poses],
     )

@@ -18,7 +18,6 @@ from genie_sim.data.detectors.detector import DetectorSettings, detector_facts
 from genie_sim.data.detectors.image_detector import ImageDetector, tell_network
 from genie_sim.data.intake import traces
 from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, open_drive
-from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.pipeline import trace_frames
 from genie_sim.data.trace import Trace
 
@@ -93,10 +92,10 @@ def perceive(
         if progress is not None:
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
-    name = DriveName.parse(drive.name).trace
+    name = drive.name.trace
     imported = traces(
         {name: pictures},
-        origin=drive.origin,
+        origin=drive.layout.origin,
         provenance=_provenance(drive, network, detector),
         report=report,
         first_ns=drive.first_stamp_ns,
@@ -135,8 +134,8 @@ def _provenance(
     # Only what is not usual: it does not change what most traces say of themselves.
     parameters |= settings.unusual("threads", "encoding", "classes")
     return {
-        "data": drive.attribution,
-        "drive": drive.name,
+        "data": drive.layout.attribution,
+        "drive": str(drive.name),
         "drive_sha256": drive.digest(),
         "parameters": parameters,
         **detector_facts(detector),

@@ -294,7 +294,10 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     bag = BagWriter(tmp_path / f"kitti.{kind}")
     first = shown[0]
     bag.transform(
-        first.stamp_ns, "imu_link", CAMERA, inverse(drive.world_SE3_imu[0]) @ first.world_SE3_camera
+        first.stamp_ns,
+        "imu_link",
+        CAMERA,
+        inverse(drive.layout.world_SE3_imu[0]) @ first.world_SE3_camera,
     )
     bag.transform(first.stamp_ns, CAMERA, "velo_link", drive.camera_SE3_velo("02"))
     bag.camera_info(first.stamp_ns, first.intrinsics, (1242, 375))
