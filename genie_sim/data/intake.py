@@ -182,8 +182,8 @@ def write_told(path: Path, trace: Trace) -> str:
 def check_distances(
     report: ImportReport, distances_m: Sequence[float], path: Path | None = None
 ) -> None:
-    """How far away the objects of a file are. Raises UserError, naming ``path``, where most are beyond
-    what a sensor sees.
+    """How far away the objects in a file are. Raises UserError, naming ``path``, where most are
+    beyond what a sensor sees.
     """
     report.span("objects", distances_m, "m away")
     far = sum(distance_m > FARTHEST_M for distance_m in distances_m)
