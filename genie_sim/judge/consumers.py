@@ -34,7 +34,15 @@ import numpy as np
 from genie_sim.core.messages import Detections, Image
 from genie_sim.judge.held import Held, shown_objects
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
-from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, pair_codes
+from genie_sim.judge.joins import (
+    Array,
+    GroupedPlaces,
+    Pairs,
+    matches,
+    near,
+    pair_codes,
+    rows_of,
+)
 from genie_sim.judge.objects import LabelCodes
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
@@ -172,7 +180,7 @@ class ConsumerJudge:
         """Writes the rows of the window."""
         views = SceneViews.of(self._scenes, self._cameras, self._truth_numbers)
         visible = Visible.of(self._scenes, self._labels, self._recent_places.codes)
-        visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
+        visible = rows_of(visible, views.see(visible.scene, visible.east_m, visible.north_m))
         judged = self._compare(views, visible)
         self._count(views, visible, judged)
         if self._spans is not None:
@@ -189,7 +197,7 @@ class ConsumerJudge:
         items = shown_objects(zip(views.now_ns.tolist(), shown, strict=True), self._labels)
         is_judged: PerItem = views.see(items.scene, items.east_m, items.north_m)
         is_judged &= self._knows(views.truth[items.scene], items.label)
-        items = items.rows(is_judged)
+        items = rows_of(items, is_judged)
         pairs = self._pairs(items, visible, views.tolerance_m)
         right = matches(pairs)
 
@@ -197,9 +205,9 @@ class ConsumerJudge:
         judgement[pairs.ours] = DUPLICATE
         judgement[right.ours] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
-        judgement[others[self._are_there(views, items.rows(others))]] = HIDDEN
+        judgement[others[self._are_there(views, rows_of(items, others))]] = HIDDEN
         others = np.flatnonzero(judgement == NEVER_THERE)
-        judgement[others[self._were_there(views, visible, items.rows(others))]] = MOVED_AWAY
+        judgement[others[self._were_there(views, visible, rows_of(items, others))]] = MOVED_AWAY
         return _Judged(items, judgement, right)
 
     def _pairs(self, items: Held, visible: Visible, tolerance_m: PerScene) -> Pairs:
@@ -215,7 +223,7 @@ class ConsumerJudge:
             float(tolerance_m.max()),
         )
         scene_of_pair: PerPair = items.scene[pairs.ours]
-        return pairs.rows(pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair])
+        return rows_of(pairs, pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair])
 
     def _knows(self, truth: PerItem, label: PerItem) -> PerItem:
         """Whether the truth of each, by its number, knows the label, given its code."""
@@ -246,7 +254,7 @@ class ConsumerJudge:
     def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> PerItem:
         """Whether anything of its class was visible lately, before the scene, where each is."""
         instant: PerScene = views.instant
-        seen = visible.rows(views.is_consumer[visible.scene])
+        seen = rows_of(visible, views.is_consumer[visible.scene])
         return self._recent_places.were_there(
             GroupedPlaces(items.class_, items.east_m, items.north_m),
             tolerance_m=views.tolerance_m[items.scene],
@@ -299,7 +307,7 @@ class ConsumerJudge:
         is_held: PerItem = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
         is_missed: PerVisible = views.is_consumer[visible.scene]
         is_missed[judged.matches.theirs] = False
-        held, missed = items.rows(is_held), visible.rows(is_missed)
+        held, missed = rows_of(items, is_held), rows_of(visible, is_missed)
         scene = np.append(held.scene, missed.scene)
         objects = JudgedObjects(
             instant=views.instant[scene],
