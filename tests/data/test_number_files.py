@@ -32,6 +32,7 @@ def test_rows_may_have_blanks_or_commas_and_empty_lines_after_them():
     [
         ("1 2\n3\n", "line 2: 1 fields, expected 2"),
         ("1 2\n\n3 4\n", "line 2: is empty"),
+        ("1 2\n,\n3 4\n", "line 2: is empty"),
         ("1 x\n", "line 1: could not convert string to float: 'x'"),
         ("1 nan\n", "line 1: a number is not finite, or too large"),
         ("1 -1e9\n", "line 1: a number is not finite, or too large"),
@@ -49,7 +50,7 @@ def test_numbers_are_below_a_thousand_million():
 
 
 def test_matrices_by_any_of_their_names():
-    rows = number_files.named_rows(written("P: 1 0 0 0 2 0 0 0 4\nT 1 2 3\n"))
+    rows = number_files.named_rows(written("P: 1 0 0 0 2 0 0 0 4\n,\nT 1 2 3\n"))
     path = Path("numbers.txt")
     camera, place = number_files.matrices(path, rows, [(("Q", "P"), 3), (("T",), 1)])
     assert camera.tolist() == [[1, 0, 0], [0, 2, 0], [0, 0, 4]]

@@ -33,10 +33,10 @@ def are_plausible(values: npt.ArrayLike) -> bool:
 
 
 def numbered_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number (from 1 on) and blank- or comma-separated fields of each line that is not empty."""
+    """Number (from 1 on) and blank- or comma-separated fields of each line that has any."""
     for number, line in enumerate(read_text(path).splitlines(), start=1):
-        if line.strip():
-            yield number, line.replace(",", " ").split()
+        if fields := line.replace(",", " ").split():
+            yield number, fields
 
 
 def unbroken_lines(path: Path) -> Iterator[tuple[int, list[str]]]:

@@ -18,7 +18,8 @@ from genie_sim.worlds.town.rules import TownRules
         ({"blocks": [1, 100]}, {"blocks": [0, 1]}, "blocks[0]: must be from 1 to 100, not 0"),
         ({"view": "100 m"}, {"view": "100.5 m"}, "view: must be more than 0 m and at most 100 m"),
         ({"block": "10 km"}, {"block": "11 km"}, "block: must be at most 10000 m, but is '11 km'"),
-        ({}, {"blocks": [100, 100], "block": "10 km"}, "blocks: make about 39,996,000 objects"),
+        ({}, {"blocks": [100, 100], "block": "10 km"}, "blocks: make about 45,056,504 objects"),
+        ({}, {"blocks": [100, 100], "cyclists_per_100m": 100}, "make about 6,594,694 objects"),
         ({}, {"speed_mps": 0}, "speed_mps: must be more than 0 and at most 100, not 0"),
         ({}, {"main_speed_mps": 1e200}, "main_speed_mps: must be more than 0 and at most 100"),
         ({}, {"braking_mps2": 1e-310}, "braking_mps2: must be from 0.01 to 100, not 1e-310"),
@@ -48,9 +49,9 @@ def test_a_block_is_long_enough_to_stop_in_from_the_higher_limit():
 
 
 def test_parked_cars_have_room_between_junctions():
-    """122 of 150 m are free, 18 slots of 6.5 m on each side: 24 cars per 100 m."""
+    """122 of 150 m are free, 18 bays of 6.5 m on each side: 24 cars per 100 m."""
     rules = TownRules(parked_cars_per_100m=24.0)
-    assert rules.parking_slots == 18
+    assert rules.parking_bays == 18
     with pytest.raises(SettingError, match=r"do not fit; between junctions there is room for 24.0"):
         TownRules(parked_cars_per_100m=24.1)
 
