@@ -6,6 +6,7 @@ from typing import Annotated
 
 from genie_sim.base.marks import NOT_NEGATIVE, Bounds, Count, Share
 from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.units import length_text
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 # Assumed, all of these [m].
@@ -104,14 +105,17 @@ class TownRules:
         least_m = math.ceil(braking_m + 4 * JUNCTION_M)
         if self.block_m < braking_m + 4 * JUNCTION_M:
             why = f"is too short to stop in from the speed limit; at least {least_m} m"
-            raise SettingError("block", f"{self.block_m:g} m {why}")
+            raise SettingError("block", f"{length_text(self.block_m)} {why}")
         if not STREET_HALF_M <= self.street_half_m <= self.block_m / 4:
-            limits = f"from {STREET_HALF_M:g} m to a quarter of a block, {self.block_m / 4:g} m"
-            raise SettingError("street_half", f"must be {limits}, but is {self.street_half_m:g} m")
+            least, most, own = map(
+                length_text, (STREET_HALF_M, self.block_m / 4, self.street_half_m)
+            )
+            why = f"must be from {least} to a quarter of a block, {most}, but is {own}"
+            raise SettingError("street_half", why)
         room = 200 * self.parking_bays / self.block_m
         if self.parked_cars_per_100m > room:
-            why = f"do not fit; between junctions there is room for {room:.1f}"
-            raise SettingError("parked_cars_per_100m", f"{self.parked_cars_per_100m:g} {why}")
+            why = f"do not fit; between junctions there is room for {math.floor(10 * room) / 10}"
+            raise SettingError("parked_cars_per_100m", f"{self.parked_cars_per_100m} {why}")
         east, north = self.blocks
         streets_m = (east * (north + 1) + north * (east + 1)) * self.block_m
         per_100m = (field.name for field in fields(self) if field.name.endswith("_per_100m"))

@@ -33,7 +33,13 @@ NOTHING = {field.name: 0 for field in fields(TownRules) if field.name.endswith("
         ({"popularity": 0}, {"popularity": -0.1}, "popularity: must be at least 0, not -0.1"),
         ({"truck_share": 1}, {"truck_share": 1.1}, "truck_share: must be from 0 to 1, not 1.1"),
         ({"street_half": "8 m"}, {"street_half": "7.9 m"}, "a quarter of a block, 37.5 m"),
-        ({"street_half": "37.5 m"}, {"street_half": "37.6 m"}, "a quarter of a block, 37.5 m"),
+        ({"street_half": "37.5 m"}, {"street_half": "37.50001 m"}, "37.5 m, but is 37.50001 m"),
+        ({}, {"block": "72.22222 m", "street_half": "8 m"}, "block: 72.22222 m is too short"),
+        (
+            {"block": "150.2 m", "parked_cars_per_100m": 23.9},
+            {"block": "150.2 m", "parked_cars_per_100m": 24},
+            "there is room for 23.9",
+        ),
     ],
 )
 def test_a_rule_holds_up_to_its_border(right: Any, wrong: Any, message: str):
