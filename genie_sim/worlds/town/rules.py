@@ -17,7 +17,8 @@ CLEAR_M = 14.0  # from a crossing, free of parked cars
 GHOST_BESIDE_M = 9.0  # from the middle of a street to the places of ghosts
 STREET_HALF_M = 8.0  # the narrowest street with room for two lanes, parked cars and a pavement
 
-MAX_OBJECTS = 5_000_000  # besides ghosts; more would fill the memory of most machines
+GHOSTS_PER_100M = 5.8  # of street, about: as the laws have it, which take long to read
+MAX_OBJECTS = 5_000_000  # more would fill the memory of most machines
 
 Blocks = Annotated[int, Bounds(minimum=1, maximum=100)]
 Speed = Annotated[float, Bounds(above=0, maximum=100)]
@@ -119,7 +120,7 @@ class TownRules:
         # Two lights or signs of each street where a main street crosses it.
         mains_east, mains_north = (count // self.main_every + 1 for count in self.blocks)
         signs = 2 * ((east + 1) * mains_north + (north + 1) * mains_east)
-        count = streets_m / 100 * math.fsum(densities) + signs
+        count = streets_m / 100 * (math.fsum(densities) + GHOSTS_PER_100M) + signs
         if count > MAX_OBJECTS:
             why = f"make about {count:,.0f} objects, and at most {MAX_OBJECTS:,} are possible"
             raise SettingError("blocks", why)
