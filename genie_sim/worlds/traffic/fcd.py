@@ -186,7 +186,7 @@ class _Reader:
         except ValueError:
             number = math.nan
         if not abs(number) <= most:
-            limit = f" up to {most:g}" if math.isfinite(number) else ""
+            limit = f" up to {most:,.0f}" if math.isfinite(number) else ""
             raise self.error(f"{what}: {name}: must be a number{limit}, not {short_repr(text)}")
         return number
 

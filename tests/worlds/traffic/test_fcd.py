@@ -170,7 +170,7 @@ def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
         (' angle="359.0"', "", "line 8: vehicle 'b': attribute 'angle'"),
         ('id="a" x="5.0"', 'x="5.0"', "line 7: vehicle: attribute 'id'"),
         ('x="5.0" y="1.0"', 'x="5.0" y="north"', "line 7: vehicle 'a': y: "),
-        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: "),
+        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: must be a number up to 40,000,000"),
         ('id="b" x="7.0" y="9.0"', 'id="a" x="1" y="1"', "line 8: "),
     ],
 )
