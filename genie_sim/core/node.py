@@ -18,7 +18,7 @@ topic         what arrives                     what leaves
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
 What the paper leaves open is decided where it matters, by the settings of ``GenieRules``;
-docs/explanation/print.md tells where the default departs from the paper. Comments name the lines of
+docs/explanation/departures.md tells where the default departs from the paper. Comments name the lines of
 Algorithm 1 as the paper numbers them, which gives lines with ``end`` no number.
 """
 
