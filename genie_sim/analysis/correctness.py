@@ -113,7 +113,7 @@ def recall(held: Columns) -> Sample:
 
 
 def false_objects(held: Columns) -> Sample:
-    """Share of the held objects that are not there."""
+    """Share of the held objects that are not right."""
     return Sample(held, held["held"] - held["right"], held["held"])
 
 
@@ -169,7 +169,7 @@ HELD_METRICS = {
     "object_precision": _of_held(
         "streaming precision",
         HIGHER,
-        "Share of the held objects that are in view at that instant.",
+        "Share of the held objects that are right: in view at that instant, each counted once.",
         partial(column_over, above="right", below="held"),
     ),
     "object_recall": _of_held(
@@ -200,26 +200,28 @@ HELD_METRICS = {
     "ghost_share": _of_held(
         "false objects",
         LOWER,
-        "Share of the held objects without a true object of their class within 2 m.",
+        "Share of the held objects that are not right: none of their class is in view within 2 m "
+        "(in towns 'tolerance'), or only one that is held already.",
         false_objects,
         tier=HEADLINE,
     ),
     "ghost_share_moved_away": _of_held(
         "false objects: moved away",
         LOWER,
-        "Share of the held objects that were there and left.",
+        "Share of the held objects that are not there, but were visible there in the 10 s before.",
         partial(column_over, above="moved_away", below="held"),
     ),
     "ghost_share_never_there": _of_held(
         "false objects: never there",
         LOWER,
-        "Share of the held objects that never were there.",
+        "Share of the held objects that are not there, and were not visible there in the 10 s "
+        "before.",
         partial(column_over, above="never_there", below="held"),
     ),
     "ghost_share_duplicate": _of_held(
         "false objects: duplicates",
         LOWER,
-        "Share of the held objects that are held twice.",
+        "Share of the held objects within reach of an object in view that is held already.",
         partial(column_over, above="duplicate", below="held"),
     ),
     "place_error": _of_held(

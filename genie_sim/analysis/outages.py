@@ -106,7 +106,7 @@ METRICS = {
     "fault_ghosts": _around(
         "false objects",
         LOWER,
-        "Share of the held objects that are not there",
+        "Share of the held objects that are not right",
         lambda held: without_interval(false_objects(held)),
         "held in a phase",
     ),

@@ -84,7 +84,7 @@ class SeedRuns:
     def footer(self) -> str:
         """Which runs they are, below a figure."""
         which = f"{self.name}, {seeds_text(self.seeds)}"
-        return ", ".join(filter(None, [self.label, which]))
+        return ", ".join(filter(None, [self.label, which, self.runs[0].warm_up]))
 
 
 def means_of(runs: Sequence[Run]) -> list[MetricValue]:

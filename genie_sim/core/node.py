@@ -18,8 +18,8 @@ topic         what arrives                     what leaves
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
 What the paper leaves open is decided where it matters, by the settings of ``GenieRules``;
-docs/explanation/departures.md tells where the default departs from the paper. Comments name the lines of
-Algorithm 1 as the paper numbers them, which gives lines with ``end`` no number.
+docs/explanation/departures.md lists where the default departs from the paper. Comments name the
+lines of Algorithm 1 as the paper numbers them, which gives lines with ``end`` no number.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence

@@ -179,13 +179,17 @@ def write_told(path: Path, trace: Trace) -> str:
     return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
 
 
-def check_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
-    """How far away objects are. Raises UserError where most are beyond what a sensor sees."""
+def check_distances(
+    report: ImportReport, distances_m: Sequence[float], path: Path | None = None
+) -> None:
+    """How far away the objects in a file are. Raises UserError, naming ``path``, where most are
+    beyond what a sensor sees.
+    """
     report.span("objects", distances_m, "m away")
     far = sum(distance_m > FARTHEST_M for distance_m in distances_m)
     text = f"{far:,} of {len(distances_m):,} objects are more than {FARTHEST_M:g} m away"
     if 2 * far > len(distances_m):
-        report.refuse(f"{text}: are they in the car's frame, not on the plane of its poses?")
+        report.refuse(f"{text}: are they in the car's frame, not on the plane of its poses?", path)
     elif far:
         report.warn(text)
 
@@ -249,10 +253,10 @@ def _check_ways(
         for axis, values in zip(("east", "north"), poses.T, strict=False):
             report.span(axis, values.round(POSITION_DECIMALS), "m")
         report.span("width", {frame.width for frame in pictured}, "px")
+        report.span("height", {frame.height for frame in pictured}, "px")
         report.warn_unusual(
             f"{name}: a frame takes", frames[0].size_bytes / 1e6, "MB", USUAL_MB, "to send"
         )
-        report.span("height", {frame.height for frame in pictured}, "px")
         sizes = sorted({(frame.width, frame.height) for frame in pictured})
         if len(sizes) > 1:
             several = ", ".join(f"{width}x{height}" for width, height in sizes[:3])
@@ -306,7 +310,7 @@ def _check_detections(
             report.refuse(f"{text} in the same frame: are their places unknown?", detected_in)
         else:
             report.warn(f"{text} in the same frame")
-    check_distances(report, distances_m)
+    check_distances(report, distances_m, detected_in)
     if outside > OUTSIDE_SHARE * len(distances_m):
         report.warn(
             f"{outside:,} of {len(distances_m):,} detections are outside of the field of view: "

@@ -112,7 +112,9 @@ def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Col
     """
     lines = filter(None, map(str.strip, read_text(path).split("\n")))
     with as_user_error(f"{path}: not a line for each packet", ValueError):
-        times_ms = np.array([plain_number(line) for line in lines] or [0.0])
+        times_ms = np.array([plain_number(line) for line in lines])
+    if not len(times_ms):
+        raise UserError(f"{path}: has no packets")
     before_ms = np.concatenate([[0.0], times_ms[:-1]])
     possible = (
         (times_ms == np.trunc(times_ms)) & (before_ms <= times_ms) & (times_ms <= MAX_BINS * BIN_MS)

@@ -319,7 +319,7 @@ def _read_truth(
     for where, row in table.rows(ObjectRow, report):
         label = classes.get(row.label, row.label)
         if label == NO_CLASS:
-            report.leave_label(label)
+            report.leave_out("rows of the truth of no class")
             continue
         if label not in CANONICAL:
             problem = unknown("class", label, CANONICAL)

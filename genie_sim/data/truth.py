@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from genie_sim.base.classes import CANONICAL, class_of
-from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, transform
 from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import remembered
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 SUFFIX = ".truth.parquet"
 METADATA = (
     "trace",
-    "tolerance_m",
+    "tolerance_m",  # written for readers of the file
     "range_m",
     "cameras",
 )  # of a table's file, besides what all tell
@@ -102,7 +102,7 @@ class TruthTable:
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
         """The same around another origin, as ``Trace.rebased``."""
-        if tuple(origin) == tuple(self.origin):
+        if origin == self.origin:
             return self
         from genie_sim.data.geodesy import enu_SE3_enu
 
@@ -240,8 +240,9 @@ def read_truth_table(path: Path) -> TruthTable:
     rows = tuple(TruthRow(**row) for row in columns.to_pylist())
     cameras = about.get("cameras")
     if cameras is not None:
-        with as_user_error(f"{path}: metadata: cameras {cameras!r} are no names", TypeError):
-            cameras = tuple(cameras)
+        if not (isinstance(cameras, list) and all(isinstance(name, str) for name in cameras)):
+            raise UserError(f"{path}: metadata: cameras {cameras!r} are no names")
+        cameras = tuple(cameras)
     range_m, provenance = about.get("range_m", RANGE_M), about["provenance"]
     table = TruthTable(about["trace"], about["origin"], rows, provenance, range_m, cameras)
     check(path, table)

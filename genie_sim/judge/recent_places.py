@@ -24,9 +24,6 @@ class RecentPlaces:
         self._places = np.zeros((0, 3))  # of the codes before the window
         self._last_ns = np.zeros(0, dtype=np.int64)
 
-    def __len__(self) -> int:
-        return len(self.codes)
-
     def were_there(
         self,
         places: GroupedPlaces,
@@ -53,7 +50,7 @@ class RecentPlaces:
         self._add_new()
         code, at = visible
         result = np.zeros(len(tolerance_m), dtype=bool)
-        if len(result) and len(self):
+        if len(result) and len(self.codes):
             # of each place that is asked about and each known one near it: when that was visible
             # last, in this window or before
             asked, near_code = self._near(places, tolerance_m)

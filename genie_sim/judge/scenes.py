@@ -31,14 +31,15 @@ class RealObject(Protocol):
 class DriveTruth(Protocol):
     """What is really there on one car's drive.
 
-    It is asked after the instants that it is asked about. Labels are those of detections; what has
-    the same class (``base.classes.class_of``) is the same.
+    ``visible`` and ``are_there`` are called when a window of instants is full, not at each: a truth
+    keeps what it needs of earlier times. Labels are those of detections; what has the same class
+    (``base.classes.class_of``) is the same.
     """
 
     @property
     def cameras(self) -> Collection[str] | None:
-        """The cameras of a recording of whose frames it tells: these have a ``camera``. ``None``:
-        of all frames.
+        """The cameras (``Frame.camera``) whose frames are judged, since it knows what is in their
+        view; those of others are not. ``None``: all are.
         """
 
     @property
@@ -50,16 +51,19 @@ class DriveTruth(Protocol):
         """How far from the camera an object counts."""
 
     def knows(self, label: str) -> bool:
-        """Whether objects of a class would be known if they were there."""
+        """Whether it knows of all objects of this label's class; others are not judged."""
 
     def visible(self, frame: Frame) -> Sequence[RealObject]:
-        """What the frame's camera can see."""
+        """What a consumer is expected to hold when this frame is taken: what its camera can see, in
+        its field of view or not.
+        """
 
     def are_there(
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """Whether anything of a class, visible or not, is within ``tolerance_m`` of a place when
-        its frame is taken, for each of (n,) places.
+        """Whether anything of a label's class, visible or not, is within ``tolerance_m`` of a place
+        when its frame is taken, for each of (n,) frames, labels and places [m]. It is asked about
+        what is held where nothing of its class is visible.
         """
 
 

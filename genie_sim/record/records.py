@@ -264,7 +264,9 @@ class HeldRow(NamedTuple):
         "objects",
         "of those held: not there, but visible there in the 10 s before",
     ]
-    never_there: Annotated[Int32, "objects", "of those held: not there, nor before"]
+    never_there: Annotated[
+        Int32, "objects", "of those held: not there, nor visible there in the 10 s before"
+    ]
     duplicate: Annotated[Int32, "objects", "of those held: what is there is held once more"]
     hidden: Annotated[Int32, "objects", "there, but not visible; counted in no other column"]
     visible_static: Annotated[Int32, "objects", "visible and not moving"]
@@ -280,7 +282,7 @@ class HeldObjectRow(NamedTuple):
     and in the same way as `held`, whose counts are the rows of the camera that are open at an
     instant (`begin_ns` <= `stamp_ns` < `end_ns`); two at one place make one row. What several
     cameras see has a row for each, alike but for the stream. In the order of their ends, then of
-    their beginnings.
+    their beginnings; those without an end come last, camera by camera.
     """
 
     method: Method
@@ -296,7 +298,7 @@ class HeldObjectRow(NamedTuple):
     judged: Annotated[
         str,
         "",
-        "right; moved_away, never_there or duplicate: a ghost; missed: visible, but not held",
+        "right; moved_away, never_there or duplicate: false; missed: visible, but not held",
     ]
     begin_ns: Annotated[int, "ns", "the first instant of which this holds"]
     end_ns: Annotated[

@@ -134,17 +134,18 @@ class Run:
     words: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> "pd.DataFrame":
-        if name not in SCHEMAS:
+        if name not in SCHEMAS or name not in self.tables:
             raise no_attribute(self, name)
         frame = self.__dict__[name] = self.tables[name].to_frame()
         return frame
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *SCHEMAS]
+        return [*super().__dir__(), *self.tables]
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
-        return f"<Run {self.name}-{self.run_id}: {len(self.tables['frames']):,} frames, {where}>"
+        count = f"{len(self.tables['frames']):,} frames" if self.tables else "no tables"
+        return f"<Run {self.name}-{self.run_id}: {count}, {where}>"
 
     @property
     def name(self) -> str:

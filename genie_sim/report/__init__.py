@@ -1,6 +1,7 @@
-"""What people look at.
+"""What people look at, and ``result``, which is no page.
 
-``result``      the protocol of results, which ``kinds`` fills, and several results compared
+``result``      the protocol of results in a user's hands, which ``kinds`` fills for a run, several
+                seeds, a sweep and the evaluation; and ``Comparison``, several results compared
 ``output``      what a run leaves besides its tables: summary, figures, page
 ``comparison``  the same of a comparison
 ``pages``       what stands on the page of a run, of several seeds, of a sweep, of a comparison

@@ -3,12 +3,13 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import compare_tables, renderers, seed_runs
+from genie_sim.analysis import compare_tables, renderers
 from genie_sim.analysis.compare import ComparedRuns, as_metrics
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import usable
 from genie_sim.record import folders, provenance
 from genie_sim.record.columns import Columns, concat
+from genie_sim.record.results import NOT_ONE_RUN
 from genie_sim.report import pages, template
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     """
     from genie_sim.analysis.figures import save_all
 
-    if any((folder / about).exists() for about in ("run.json", seed_runs.SWEEP_FILE)):
+    if any((folder / about).exists() for about in ("run.json", *NOT_ONE_RUN)):
         raise UserError(f"{folder}: a result is in that folder, with figures; say where else")
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)

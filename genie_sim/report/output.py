@@ -21,7 +21,8 @@ class Output:
     Parameters
     ----------
     page : bool
-        Whether there is ``report.html``; of a sweep, which has none, whether there are figures.
+        Whether what people look at in a browser is made: ``report.html`` of a run, of several seeds
+        and of each of them; of a sweep its figures.
     figures : sequence of str
         The formats of the figures of a run, such as ``svg``; none: no figures.
     """

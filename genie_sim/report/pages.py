@@ -63,7 +63,7 @@ def of_seeds(runs: SeedRuns, makers: Makers) -> str:
         kind="a run with several seeds",
         name=runs.title,
         title=f"{runs.title}, {seeds}",
-        about=[*filter(None, [description]), f"{seeds[0].upper()}{seeds[1:]}."],
+        about=[*filter(None, [description]), f"{screen.header(runs)}."],
         sections=[
             Section("In short", [template.listed(verdicts(comparison))]),
             Section(
@@ -106,7 +106,8 @@ def of_comparison(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> st
     settings = ResultTable.of_texts(
         headings, [[path, *values] for path, values in comparison.settings.items()]
     )
-    same = "" if settings.rows else "None: the methods of one setting are compared."
+    within = ": methods are compared within a setting" if len(comparison.names) == 1 else ""
+    same = "" if settings.rows else f"None{within}."
     name = " and ".join(comparison.names)
     return Page(
         kind="a comparison",

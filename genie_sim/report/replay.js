@@ -10,6 +10,7 @@ import { shortStory, storyOf } from "./story.js";
 const STEP_US = 100000; // of an arrow key
 const TICK_US = 10000; // of the slider
 const TELL_MS = 120; // between two words on a moment while it plays
+const ADDRESS_MS = 300; // after the last change
 const OLD_BROWSER = "The replay needs a browser of 2023 or later.";
 
 class Replay {
@@ -56,13 +57,14 @@ class Replay {
     window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.render());
   }
 
-  // The one way to change what is shown: method, selected (the id of the chosen frame), now [us] and isPlaying. While
-  // it plays the address stays: browsers bound how often it may be written.
+  // The one way to change what is shown: method, selected (the id of the chosen frame), now [us] and isPlaying. The
+  // address follows after the last of many changes, and not while it plays: browsers bound how often it is written.
   set(changes) {
     Object.assign(this, changes);
     this.now = Math.min(Math.max(this.now, this.run.begin_us), this.run.end_us);
     this.render();
-    if (!this.isPlaying) this.writeAddress();
+    clearTimeout(this.nextAddress);
+    if (!this.isPlaying) this.nextAddress = setTimeout(() => this.writeAddress(), ADDRESS_MS);
   }
 
   render() {
@@ -104,8 +106,9 @@ class Replay {
   }
   chooseNumber() {
     const { first_id, first_frame, stamp_us } = this.run.streams[Number(byId("which-stream").value)],
-      place = Number(byId("which-frame").value) - first_frame;
+      place = Math.trunc(Number(byId("which-frame").value)) - first_frame;
     this.choose(first_id + Math.min(Math.max(place, 0), stamp_us.length - 1));
+    byId("which-frame").value = this.run.frames.number[this.selected]; // whatever was typed
   }
   chooseBeside(step) {
     const { first_id, stamp_us } = this.run.frames.stream[this.selected];
@@ -117,13 +120,14 @@ class Replay {
     const { begin_us, end_us } = this.run,
       isPlaying = !this.isPlaying;
     this.set({ isPlaying, now: isPlaying && this.now >= end_us ? begin_us : this.now });
-    if (isPlaying) requestAnimationFrame((time) => this.tick(time, time));
+    cancelAnimationFrame(this.nextTick); // of before a pause
+    if (isPlaying) this.nextTick = requestAnimationFrame((time) => this.tick(time, time));
   }
   tick(time, before) {
     if (!this.isPlaying) return;
     const now = this.now + Math.min(time - before, 100) * 1000 * Number(byId("speed").value);
     this.set({ now, isPlaying: now < this.run.end_us });
-    requestAnimationFrame((next) => this.tick(next, time));
+    this.nextTick = requestAnimationFrame((next) => this.tick(next, time));
   }
 
   followKey(event) {
@@ -133,8 +137,9 @@ class Replay {
     const times = { ArrowLeft: now - STEP_US, ArrowRight: now + STEP_US, Home: run.begin_us, End: run.end_us };
     const methods = { ArrowUp: run.methods[place - 1] ?? method, ArrowDown: run.methods[place + 1] ?? method };
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === " ") this.play();
-    else if (isOnStreet && event.key in times) this.seek(times[event.key]);
+    if (event.key === " ") {
+      if (!event.repeat) this.play();
+    } else if (isOnStreet && event.key in times) this.seek(times[event.key]);
     else if (isOnStreet && event.key in methods) this.set({ method: methods[event.key], isPlaying: false });
     else return;
     event.preventDefault();

@@ -166,15 +166,17 @@ export function outcomeText(run, method, id) {
   return method.frames.outcome[id] ?? (outcomeOf(method, id) === "none" ? "no answer" : "answered");
 }
 
-// Where a car is at `t`, between two of its frames.
-export function carAt({ frames: { east_m, north_m, heading_rad } }, car, t) {
-  const { stamp_us, first_id, lap_ids } = car.streams[0],
+// Where a car is at `t`, between two of its frames, and whether it drives then.
+export function carAt(run, method, car, t) {
+  const { east_m, north_m, heading_rad } = run.frames,
+    { stamp_us, first_id, lap_ids } = car.streams[0],
     place = lastUpTo(stamp_us, t),
     id = first_id + Math.max(place, 0),
-    next = id + 1;
-  const here = { east_m: east_m[id], north_m: north_m[id], heading_rad: heading_rad[id], isThere: place >= 0 };
+    next = id + 1,
+    isThere = place >= 0 && isDriven(run, method, id);
+  const here = { east_m: east_m[id], north_m: north_m[id], heading_rad: heading_rad[id], isThere };
   if (place < 0) return here;
-  if (place + 1 >= stamp_us.length) return { ...here, isThere: t - stamp_us[place] < 1e6 };
+  if (place + 1 >= stamp_us.length) return { ...here, isThere: isThere && t - stamp_us[place] < 1e6 };
   if (lap_ids.has(next)) return here;
   const share = (t - stamp_us[place]) / (stamp_us[place + 1] - stamp_us[place]),
     turn = heading_rad[next] - here.heading_rad;

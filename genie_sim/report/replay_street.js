@@ -1,7 +1,7 @@
 // The street from above at one instant of simulated time, under one method.
 
 import { cleared, drawHeld, drawLabel, drawLine, drawOutcome, drawRing } from "./replay_canvas.js";
-import { carAt, heldObjectsAt, heldText, isFalse, lastUpTo, latestFrame, outcomeOf } from "./replay_model.js";
+import { carAt, heldObjectsAt, heldText, isDriven, isFalse, lastUpTo, latestFrame, outcomeOf } from "./replay_model.js";
 
 const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
 const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
@@ -93,7 +93,7 @@ export class Street {
     Object.assign(this, { pen, look, now, method, held: [], size: `${width} ${height}` });
     pen.font = "12px system-ui, sans-serif";
     pen.lineCap = pen.lineJoin = "round";
-    const cars = run.cars.map((car) => ({ car, at: carAt(run, car, now) }));
+    const cars = run.cars.map((car) => ({ car, at: carAt(run, method, car, now) }));
     this.places = Object.fromEntries(cars.map(({ car, at }) => [car.name, this.view.place(at.east_m, at.north_m)]));
     run.edges.forEach((edge, i) => {
       this.places[edge] = [((i + 0.5) * width) / run.edges.length, 22];
@@ -132,15 +132,16 @@ export class Street {
 
   // Each car paints a lane of its own: one dot a frame, where it was taken, in the colour of its outcome.
   drawTrail(car, lane) {
-    const { run, now } = this;
+    const { run, method, now } = this;
     const aside = (lane - (run.cars.length - 1) / 2) * Math.min(7, 42 / run.cars.length);
     for (const { first_id, stamp_us } of car.streams) {
+      if (!isDriven(run, method, first_id)) return;
       const until = lastUpTo(stamp_us, now);
       for (let place = Math.max(0, lastUpTo(stamp_us, now - TRAIL_US)); place <= until; place += 1) {
         const id = first_id + place,
           heading = run.frames.heading_rad[id] + this.view.turn,
           [x, y] = this.placeOf(id),
-          outcome = outcomeOf(this.method, id);
+          outcome = outcomeOf(method, id);
         drawOutcome(this.pen, this.look, outcome, x - Math.sin(heading) * aside, y - Math.cos(heading) * aside, 2.2);
       }
     }

@@ -2,7 +2,7 @@
 
 import { cleared, drawLine } from "./replay_canvas.js";
 import { byId } from "./replay_elements.js";
-import { lastUpTo, outcomeOf } from "./replay_model.js";
+import { isDriven, lastUpTo, outcomeOf } from "./replay_model.js";
 
 const CELL_PX = 6; // a frame in the strip is at least about that broad
 const ROW_PX = 15; // a camera
@@ -81,7 +81,7 @@ export class Strip {
   }
 
   drawCells(pen, look, { method, selected }, { stamp_us, first_id }, y) {
-    const { axis } = this,
+    const { axis, run } = this,
       broad = (1.5 * (axis.width - axis.left) * axis.interval) / axis.span;
     const last = lastUpTo(stamp_us, axis.begin + axis.span);
     for (let place = Math.max(0, lastUpTo(stamp_us, axis.begin)); place <= last; place += 1) {
@@ -93,7 +93,9 @@ export class Strip {
       pen.fillStyle = pen.strokeStyle = look[outcomeOf(method, id)];
       pen.lineWidth = 1.1;
       if (method.frames.fresh_answer_us[id] >= 0) pen.fillRect(x, y + 1, breadth, ROW_PX - 3);
-      else pen.strokeRect(x + 0.6, y + 1.6, Math.max(breadth - 1.2, 0.5), ROW_PX - 4.2);
+      else if (isDriven(run, method, id)) {
+        pen.strokeRect(x + 0.6, y + 1.6, Math.max(breadth - 1.2, 0.5), ROW_PX - 4.2);
+      }
       if (id !== selected) continue;
       Object.assign(pen, { strokeStyle: look.ink, lineWidth: 2 });
       pen.strokeRect(x - 1, y, breadth + 2, ROW_PX - 1);

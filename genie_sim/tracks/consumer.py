@@ -59,13 +59,7 @@ class Consumer(ABC):
 
 
 class Newest(Consumer):
-    """Holds, of each camera stream, the objects of the answer to its newest frame.
-
-    An answer that holds at an instant (``Detections.valid_ns``) shows all that is in view then: its
-    objects go on with their velocities, for a second at most, and what older answers show in that
-    field of view counts no more. Of two objects of a class within a metre in different answers the
-    first counts; those of one answer are different objects.
-    """
+    """Holds, of each camera stream, the objects of the answer to its newest frame."""
 
     def __init__(self) -> None:
         super().__init__()

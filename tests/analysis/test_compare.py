@@ -277,7 +277,13 @@ def test_runs_that_read_other_data_are_two_settings(usual: list[Run]):
     assert len(made.names) == 2 and list(made.settings) == ["traces.car1"]
     stalled = compare([usual[0], read_again(usual[0], faults=[{"fault": "stall"}])])
     assert stalled.settings["scenario.faults[0]"] == ["-", "{'fault': 'stall'}"]
-    assert '<h2 id="h-figures">' not in pages.of_comparison(made, {}), "no heading of nothing"
+    page = pages.of_comparison(made, {})
+    assert '<h2 id="h-figures">' not in page and "None" not in page, "no heading of nothing"
+    facts = usual[0].facts | {"scenario": usual[0].facts["scenario"] | {"name": "copy"}}
+    renamed = replace(usual[0], run_id="0" * 12, facts=facts)
+    for results, is_one_setting in ((usual[:1], True), ([usual[0], renamed], False)):
+        page = pages.of_comparison(compare(results), {})
+        assert "None" in page and ("within a setting" in page) == is_one_setting
     with pytest.raises(UserError, match="no seed in common"):
         compare([usual[0], read_again(usual[1])])
 
@@ -366,7 +372,7 @@ def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
 
 
-@pytest.mark.parametrize("about", ["run.json", "sweep.json"])
+@pytest.mark.parametrize("about", ["run.json", "sweep.json", "verdicts.json"])
 def test_a_comparison_replaces_no_figure_of_a_result(usual: list[Run], tmp_path: Path, about: str):
     (tmp_path / about).write_text("{}")
     with pytest.raises(UserError, match="a result is in that folder"):

@@ -354,8 +354,8 @@ def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
         (tmp_path / "a/new" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
         for name in names
     )
-    assert b"/FontFile2" in (tmp_path / "a" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"
-    assert b"/Type3" not in (tmp_path / "a" / "latency_cdf.pdf").read_bytes()
+    assert b"/FontFile2" in (tmp_path / "b" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"
+    assert b"/Type3" not in (tmp_path / "b" / "latency_cdf.pdf").read_bytes()
     assert main(["figures", str(folder)]) == 0 and (folder / "figures" / "resources.svg").is_file()
     assert main(["rerun", str(folder)]) == 0
     capsys.readouterr()

@@ -21,7 +21,7 @@ from genie_sim.data.trace import TraceFrame, read_trace
 from genie_sim.scenario.scenario import FRAME_SOURCE
 from genie_sim.worlds.scene.frames import SceneFrame
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD
-from genie_sim.worlds.scene.scene import SceneDrives
+from genie_sim.worlds.scene.source import SceneDrives
 from genie_sim.worlds.scene.view import NEAREST_M
 from tests.conformance import small
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from genie_sim.worlds.scene.frames import Motions, SceneDrive
 from genie_sim.worlds.scene.objects import ObjectColumns
-from genie_sim.worlds.scene.scene import Scene, SceneDrives, SceneSource
+from genie_sim.worlds.scene.scene import Scene
+from genie_sim.worlds.scene.source import SceneDrives, SceneSource
 from genie_sim.worlds.scene.view import PlacedObjects, in_view
 from tests.conformance.scenes import SceneConformance
 

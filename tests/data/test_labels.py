@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.data.kitti.tracklets import tracklets
 
 
-def write(path: Path, **values: object) -> Path:
+def write(path: Path, holder: str = "tracklets", **values: object) -> Path:
     """A file with one car that is 2 m high and was seen in two frames."""
     pose = {"tx": 1.0, "ty": 2.0, "tz": -1.5, "rz": 0.5, "occlusion": 1, "truncation": 0}
     fields = {"h": 2.0, "w": 1.6, "l": 4.0, "first_frame": 7}
@@ -20,8 +21,8 @@ def write(path: Path, **values: object) -> Path:
     item = "".join(f"<{name}>{value}</{name}>" for name, value in pose.items())
     size = "".join(f"<{name}>{value}</{name}>" for name, value in fields.items())
     path.write_text(
-        f"<b><tracklets><item><objectType>Car</objectType>{size}"
-        f"<poses>{2 * f'<item>{item}</item>'}</poses></item></tracklets></b>"
+        f"<b><{holder}><item><objectType>Car</objectType>{size}"
+        f"<poses>{2 * f'<item>{item}</item>'}</poses></item></{holder}></b>"
     )
     return path
 
@@ -33,8 +34,13 @@ def test_a_tracklet_stands_on_its_given_place(tmp_path: Path):
     assert car.occlusion == (1, 1) and car.truncation == (0, 0)
 
 
-@pytest.mark.parametrize("name", ["tx", "rz", "h", "l"])
-@pytest.mark.parametrize("value", ["nan", "inf", "1e300", "x", ""])
-def test_numbers_that_no_tracklet_has_are_refused(tmp_path: Path, name: str, value: str):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *itertools.product(("tx", "rz", "h", "l"), ("nan", "inf", "1e300", "x", "")),
+        ("holder", "poses"),
+    ],
+)
+def test_what_no_tracklet_has_is_refused(tmp_path: Path, name: str, value: str):
     with pytest.raises(UserError, match=r"labels\.xml: not KITTI tracklets: "):
         tracklets(write(tmp_path / "labels.xml", **{name: value}))

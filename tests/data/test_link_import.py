@@ -118,6 +118,7 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
         ("mahimahi", "1\nnan\n", "packet 2"),
         ("mahimahi", "1\n999999999999\n", "packet 2"),
         ("mahimahi", "0\n0\n", "the last packet"),
+        ("mahimahi", "\n", "has no packets"),
         ("mahimahi", "x\n", "must be a number, not 'x'"),
         ("mahimahi", "1 2\n", "must be a number, not '1 2'"),
         ("mtu", "Time,RATE(MBit/s)\nnoon,1\n", "line 2: Time"),

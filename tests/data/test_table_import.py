@@ -364,7 +364,7 @@ AHEAD = "time_s,label,east_m,north_m,score\n0,{label},{east},0,0.9\n0.1,{label},
         (
             drive(10),
             AHEAD.format(label="car", east=900) + "0,car,9,0,0.9\n",
-            "2 of 3 objects are more than 250 m away",
+            r"(detections\.csv|warning): 2 of 3 objects are more than 250 m away",
         ),
         (
             "time_s,east_m,north_m,heading_deg\n"
@@ -436,13 +436,15 @@ def test_a_title_with_what_is_no_text_is_refused(tmp_path):
 
 
 def test_a_label_is_taken_for_the_class_that_it_is_mapped_to(tmp_path):
-    files = tmp_path / "poses.csv", tmp_path / "detections.csv"
+    files = [tmp_path / f"{name}.csv" for name in ("poses", "detections", "truth")]
     files[0].write_text(drive(10))
     files[1].write_text(AHEAD.format(label="vehicle.car", east=20) + "0,cone,1,1,0.5\n")
+    files[2].write_text(TRUTH_HEADER + "1,o,vehicle.car,5,0\n1,c,cone,1,1\n")
     report, classes = ImportReport("x"), {"vehicle.car": "car", "cone": "none"}
     (car,) = cars_of_tables(*files, classes=classes, report=report).values()
     found = [d.label for frame in car.trace.frames["sensor"] for d in frame.detections]
     assert found == ["car", "car"] and report.unused == {"none": 1}
+    assert [*report.left_out.values()] == [1], "of the truth, no detection"
 
 
 def test_the_report_is_told_and_kept(run_cli, tmp_path):

@@ -15,7 +15,7 @@ from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import inverse, project, transform
 from genie_sim.data.kitti.drive_truth import make_truth, read_labels
-from genie_sim.data.kitti.number_files import picture_size
+from genie_sim.data.kitti.layouts import picture_size
 from genie_sim.data.kitti.tracking_labels import tracking_labels
 from genie_sim.data.kitti.tracking_sequence import open_sequence, sequences
 from genie_sim.data.kitti.tracklets import _box_of

@@ -53,6 +53,7 @@ def with_metadata(path, **changes):
         ({"origin": [49.0, 8.4]}, "origin"),
         ({"format_version": 99}, "format_version: "),
         ({"cameras": 2}, "metadata: cameras 2 are no names"),
+        ({"cameras": [["02"]]}, "metadata: cameras [['02']] are no names"),
         ({"cameras": ["02"]}, "content does not match its own digest"),
     ],
 )

@@ -1,5 +1,5 @@
 """What the guides to extensions promise: one file of at most 60 lines makes a method that is
-everywhere, and the way of a frame leads through functions that exist.
+everywhere, and the path of a frame leads through functions that exist.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def test_a_variant_of_genie_stores_less_on_the_car(skip: Path, monkeypatch):
 
 
 def test_the_way_of_a_frame_leads_through_functions_that_exist():
-    page = (DOCS / "explanation" / "way-of-a-frame.md").read_text(encoding="utf-8")
+    page = (DOCS / "explanation" / "path-of-a-frame.md").read_text(encoding="utf-8")
     hops = re.findall(r"^\| (\d) \|.*\|(.*)\|$", page, re.MULTILINE)
     assert [int(number) for number, _ in hops] == list(range(1, len(hops) + 1)) and 1 < len(
         hops

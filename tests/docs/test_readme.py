@@ -22,7 +22,7 @@ def test_continuous_integration_runs_the_tests_as_the_readme_says():
     done = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
     assert "python -m pip install '.[test]' && python -m pytest" in said
     before, command, after = done.partition("\npython -m pytest ||")
-    assert "\ninstall '.[test]'\n" in before and command
+    assert "\npython -m pip install --quiet '.[test]'\n" in before and command
     assert "\ntask ros " in after and "\ntask rest " in after
 
 

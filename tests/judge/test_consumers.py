@@ -71,7 +71,7 @@ def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
             asked, np.array([2.0, 2.0]), np.array([1, 0]), np.stack([codes, at]), window
         )
         assert there.tolist() == [True, window[0] > 0], "at an instant before"
-    assert len(places) < 30
+    assert len(places.codes) < 30
 
 
 class Town(Street):

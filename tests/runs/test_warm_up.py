@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from genie_sim.analysis import metrics, screen, summary
+from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.base.errors import UserError
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
@@ -125,6 +126,8 @@ def test_everything_says_what_is_not_counted(runs: tuple[Run, Run]):
         summary.markdown,
         lambda one: one.footer,
         lambda one: pages.of_run(one, {}),
+        lambda one: SeedRuns([one]).footer,
+        lambda one: pages.of_seeds(SeedRuns([one]), {}),
     )
     for show in shown:
         assert said in show(warm) and said not in show(whole)

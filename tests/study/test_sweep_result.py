@@ -62,6 +62,13 @@ def swept() -> sweep.Sweep:
     return sweep.Sweep(design(2), about, points, points, None, label="my_sweep")
 
 
+def test_a_cell_can_be_printed_and_says_that_it_has_no_tables(swept: sweep.Sweep):
+    about = {**swept.about, "genie_sim": "1", "run_ids": []}
+    cells = replace(swept, about=about, every_run=swept.means.assign(seed=1)).cells
+    cell = next(iter(cells.values()))[1]
+    assert "no tables" in repr(cell) and not hasattr(cell, "frames")
+
+
 def test_the_table_has_a_row_for_each_point_and_method(swept: sweep.Sweep):
     lines = swept.text().splitlines()
     titles = "first answer, mean [ms] | frames with a fresh result [%]"

@@ -31,7 +31,7 @@ QUIET_LABELS = frozenset({*COCO_LABELS, *ROAD_LABELS, NO_CLASS})
 MIN_SCORE = 0.30
 NMS_IOU = 0.30
 
-SHARES = "all its boxes are smaller than two pixels: are they shares of the picture, from 0 to 1?"
+SHARES = "all its boxes lie within two pixels of the corner: are they shares of the picture?"
 
 
 class DetectedBox(NamedTuple):

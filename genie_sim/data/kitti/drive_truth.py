@@ -144,7 +144,7 @@ def make_truth(
     for camera in sorted(trace.frames.keys() - {*labelled}):
         report.leave_out(f"pictures of {camera}, without labels", len(trace.frames[camera]))
     report.read("labels", len(rows))
-    check_distances(report, distances_m)
+    check_distances(report, distances_m, truth.path)
     if not rows:
         raise UserError(f"{root}: no object of {truth.drive} is in view of the trace {trace.name}")
     provenance = {

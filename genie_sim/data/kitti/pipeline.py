@@ -1,6 +1,5 @@
 """The frames of a drive through a detector, on several threads."""
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from operator import attrgetter
 import cv2
 
 from genie_sim.base.geometry import Array
+from genie_sim.base.parallel import workers_here
 from genie_sim.core.messages import Encoding
 from genie_sim.data.detectors.image_detector import ImageDetector, ThreadedDetector, look
 from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
@@ -35,7 +35,8 @@ def trace_frames(
 ) -> Iterator[TraceFrame]:
     """The frames for a trace, in order, with KITTI's stamps.
 
-    Networks look at several pictures at once, on as many processors as there are; a detector of the
+    Networks look at several pictures at once, on up to ``MAX_WORKERS``
+    processors; a detector of the
     user's own looks at one after the other.
 
     Parameters
@@ -80,7 +81,7 @@ def _workers(detector: ImageDetector) -> int:
     """How many pictures a detector looks at at once."""
     if not isinstance(detector, ThreadedDetector):
         return 1
-    return max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
+    return max(1, min(workers_here() // detector.threads, MAX_WORKERS))
 
 
 @contextmanager

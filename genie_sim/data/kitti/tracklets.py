@@ -52,8 +52,10 @@ def tracklets(path: Path) -> list[Tracklet]:
     """
     broken = ElementTree.ParseError, ValueError, LookupError, OverflowError
     with as_user_error(f"{path}: not KITTI tracklets", *broken):
-        tree = ElementTree.fromstring(read_bytes(path))
-        return [_tracklet(item) for item in tree.findall("tracklets/item")]
+        listed = ElementTree.fromstring(read_bytes(path)).find("tracklets")
+        if listed is None:
+            raise ValueError("has no <tracklets>")
+        return [_tracklet(item) for item in listed.findall("item")]
 
 
 def _tracklet(item: ElementTree.Element) -> Tracklet:

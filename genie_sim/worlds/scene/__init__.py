@@ -5,7 +5,7 @@ How it fits together, from the scenario to a picture:
 
 - The *source* (``town.source``, ``traffic.source``) has the settings, and opens a *scene*
   (``scene.Scene``: a seed, objects, where they are at any time, the laws of the detector) and the
-  *drives* through it (``scene.SceneDrives``).
+  *drives* through it (``source.SceneDrives``).
 - A *drive* (``frames.SceneDrive``) is one car on its *course* (``frames.Course``: where it is at
   any time) with two cameras, whose frames are made when they are looked at.
 - Of one camera, up to 64 *frames* that follow each other are a *batch* (``frames.FrameBatch``):
@@ -13,7 +13,7 @@ How it fits together, from the scenario to a picture:
   (``view.VisibleObjects``, by the scene's ``visibility``), then what is detected of that
   (``detector.DetectedObjects``, by the scene's ``detector``), each when it is first asked for, and
   kept as long as a frame of the batch.
-- The *truth* (``scene.SceneTruth``) tells whoever judges what is in view in a frame, and whether
+- The *truth* (``source.SceneTruth``) tells whoever judges what is in view in a frame, and whether
   there is anything of a class at a place.
 
 A car drives, and its left camera looks at its first frame:

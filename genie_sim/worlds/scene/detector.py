@@ -67,8 +67,8 @@ class _Looks(NamedTuple):
     whole_m: Ints
     """How far away it is, in whole metres: the row of a copula's table."""
 
-    view: Ints
-    """The row of the smooth numbers (``noise.smooth_row``)."""
+    smooth_row: Ints
+    """Which of the smooth numbers (``noise.smooth_row``)."""
 
     key: Bits
     """Of the object in this frame: picks the numbers that are new at each look."""
@@ -108,7 +108,7 @@ class SyntheticDetector:
         dx, dy = east_m - poses.east_m[slot], north_m - poses.north_m[slot]
         placed = np.empty((len(found), 4))
         placed[:, 0], placed[:, 3] = score[found], objects.up_m[row]
-        # In whole millimetres, as a trace, halves upwards: numpy would round them to even numbers.
+        # In whole millimetres, halves upwards: not as a trace, but kept runs hold it.
         placed[:, 1] = np.floor((east_m + behind * dx - left * dy) * 1000.0 + 0.5) / 1000.0
         placed[:, 2] = np.floor((north_m + behind * dy + left * dx) * 1000.0 + 0.5) / 1000.0
         begins = np.searchsorted(slot, np.arange(len(poses.key) + 1)).tolist()
@@ -145,17 +145,17 @@ class SyntheticDetector:
         if self._on_grid:
             gone_m, direction = _gone(poses)
             changed_m = visible.away_m - gone_m[slot]
-            view = noise.smooth_row(changed_m, objects.offset[row], direction[slot])
+            smooth_row = noise.smooth_row(changed_m, objects.offset[row], direction[slot])
         else:
             # How far the camera has gone past the object: on a straight street the same but for a
             # number that stays with each object, and in a bend without a jump.
             dx, dy = visible.east_m - poses.east_m[slot], visible.north_m - poses.north_m[slot]
             ahead_m = dx * poses.cos[slot] + dy * poses.sin[slot]
-            view = noise.smooth_row(visible.away_m + ahead_m, objects.offset[row])
+            smooth_row = noise.smooth_row(visible.away_m + ahead_m, objects.offset[row])
         return _Looks(
             group=objects.group[row],
             whole_m=(visible.away_m + 0.5).astype(np.int64),
-            view=view,
+            smooth_row=smooth_row,
             key=keys.look_keys(objects.key[row], poses.key[slot]),
         )
 
@@ -165,7 +165,7 @@ class SyntheticDetector:
         """
         group = looks.group
         normal = noise.normals()[draw.of(looks.key)]
-        z = lasting_z + copula.view_weight[group] * copula.views[group, looks.view]
+        z = lasting_z + copula.view_weight[group] * copula.views[group, looks.smooth_row]
         z += copula.look_weight[group] * normal
         column = (z * STEPS_PER_Z + MIDDLE).astype(np.int64)
         values: Array = copula.table[group, looks.whole_m, column]

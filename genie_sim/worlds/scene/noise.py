@@ -58,6 +58,7 @@ def smooth_row(changed_m: Array, offset: Ints, direction: Ints | int = 0) -> Int
     offset : of the object: where its numbers begin (n,)
     direction : of the camera on a grid of streets: 0 to 3 (n,)
     """
+    # Cut towards 0, so the row around it is two steps wide; kept runs hold that.
     steps = (changed_m / VIEW_STEP_M).astype(np.int64)
     rows: Ints = VIEWS.of(steps + offset + direction * DIRECTION)
     return rows

@@ -35,14 +35,14 @@ class Law(NamedTuple):
     gaussian: bool
 
 
-LAWS = {"hsv": Law(0.0966, 0.525, 9.84, True), "yolox_gap": Law(0.138, 0.350, 9.71, False)}
+FEATURES = {"hsv": Law(0.0966, 0.525, 9.84, True), "yolox_gap": Law(0.138, 0.350, 9.71, False)}
 
 
 class Surrogate:
     """The features of one name in the scene of one seed."""
 
     def __init__(self, seed: int, name: str) -> None:
-        self._law = law = LAWS[name]
+        self._law = law = FEATURES[name]
         rng = stream(seed, "surrogate feature", name)
         rows = rng.standard_normal((DIMENSION, 4)) / law.length_m
         if not law.gaussian:  # Cauchy's law, whose transform is exp(-s / L)
@@ -69,7 +69,7 @@ class Surrogate:
 @functools.cache
 def surrogates(seed: int) -> dict[str, Surrogate]:
     """Every feature of a town."""
-    return {name: Surrogate(seed, name) for name in LAWS}
+    return {name: Surrogate(seed, name) for name in FEATURES}
 
 
 @functools.cache

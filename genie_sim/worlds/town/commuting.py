@@ -61,7 +61,6 @@ class Commuting:
         return min(
             (neighbour for neighbour in self.neighbours(node) if neighbour != before),
             key=cost,
-            default=node,
         )
 
     def _seconds_to(self, destination: Node) -> dict[Node, float]:

@@ -22,7 +22,8 @@ Pose = tuple[float, float, float]  # east, north [m], heading [rad]
 
 # assumed: through right and left turns, and where the right has way
 RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = 3.0, 4.0, 5.5
-STOP_S = 2.0  # assumed: at a stop sign
+# assumed: at a stop sign, and at least at a light for which a car braked, if green by then or not
+STOP_S = 2.0
 GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
 
 

@@ -6,17 +6,19 @@ from typing import Annotated
 
 from genie_sim.base.marks import NOT_NEGATIVE, Bounds, Count, Share
 from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.units import length_text
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 # Assumed, all of these [m].
 # from the middle of a junction to where a car begins to turn, and to its stop lines
 JUNCTION_M = 6.0
 LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lane
-SLOT_M = 6.5  # of kerb that a parked car takes
+BAY_M = 6.5  # of kerb that a parked car takes
 CLEAR_M = 14.0  # from a crossing, free of parked cars
 GHOST_BESIDE_M = 9.0  # from the middle of a street to the places of ghosts
 STREET_HALF_M = 8.0  # the narrowest street with room for two lanes, parked cars and a pavement
 
+GHOSTS_PER_100M = 5.8  # of street, about: as the laws have it, which take long to read
 MAX_OBJECTS = 5_000_000  # more would fill the memory of most machines
 
 Blocks = Annotated[int, Bounds(minimum=1, maximum=100)]
@@ -103,26 +105,34 @@ class TownRules:
         least_m = math.ceil(braking_m + 4 * JUNCTION_M)
         if self.block_m < braking_m + 4 * JUNCTION_M:
             why = f"is too short to stop in from the speed limit; at least {least_m} m"
-            raise SettingError("block", f"{self.block_m:g} m {why}")
+            raise SettingError("block", f"{length_text(self.block_m)} {why}")
         if not STREET_HALF_M <= self.street_half_m <= self.block_m / 4:
-            limits = f"from {STREET_HALF_M:g} m to a quarter of a block, {self.block_m / 4:g} m"
-            raise SettingError("street_half", f"must be {limits}, but is {self.street_half_m:g} m")
-        room = 200 * self.parking_slots / self.block_m
+            least, most, own = map(
+                length_text, (STREET_HALF_M, self.block_m / 4, self.street_half_m)
+            )
+            why = f"must be from {least} to a quarter of a block, {most}, but is {own}"
+            raise SettingError("street_half", why)
+        room = 200 * self.parking_bays / self.block_m
         if self.parked_cars_per_100m > room:
-            why = f"do not fit; between junctions there is room for {room:.1f}"
-            raise SettingError("parked_cars_per_100m", f"{self.parked_cars_per_100m:g} {why}")
+            why = f"do not fit; between junctions there is room for {math.floor(10 * room) / 10}"
+            raise SettingError("parked_cars_per_100m", f"{self.parked_cars_per_100m} {why}")
         east, north = self.blocks
         streets_m = (east * (north + 1) + north * (east + 1)) * self.block_m
         per_100m = (field.name for field in fields(self) if field.name.endswith("_per_100m"))
-        count = streets_m / 100 * math.fsum(getattr(self, name) for name in per_100m)
+        # A cyclist is a bicycle and a person.
+        densities = [self.cyclists_per_100m, *(getattr(self, name) for name in per_100m)]
+        # Two lights or signs of each street where a main street crosses it.
+        mains_east, mains_north = (count // self.main_every + 1 for count in self.blocks)
+        signs = 2 * ((east + 1) * mains_north + (north + 1) * mains_east)
+        count = streets_m / 100 * (math.fsum(densities) + GHOSTS_PER_100M) + signs
         if count > MAX_OBJECTS:
             why = f"make about {count:,.0f} objects, and at most {MAX_OBJECTS:,} are possible"
             raise SettingError("blocks", why)
 
     @property
-    def parking_slots(self) -> int:
+    def parking_bays(self) -> int:
         """How many cars can be parked on one side of a street between two junctions."""
-        return int((self.block_m - 2 * CLEAR_M) / SLOT_M)
+        return int((self.block_m - 2 * CLEAR_M) / BAY_M)
 
     def main(self, street: int) -> bool:
         """Whether the n-th street, counted from the west or the south, is a main street."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from genie_sim.base.geometry import Geodetic
-from genie_sim.worlds.scene.scene import SceneDrives, SceneSource
+from genie_sim.worlds.scene.source import SceneDrives, SceneSource
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:

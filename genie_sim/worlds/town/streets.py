@@ -13,11 +13,11 @@ import numpy as np
 
 from genie_sim.worlds.scene.keys import object_number
 from genie_sim.worlds.town.rules import (
+    BAY_M,
     CLEAR_M,
     GHOST_BESIDE_M,
     JUNCTION_M,
     LANE_M,
-    SLOT_M,
     TownRules,
 )
 
@@ -74,22 +74,22 @@ def lay_out(
     rules: TownRules,
     ghosts_per_100m: Mapping[str, float],
     northbound: bool,
-    index: int,
+    number: int,
     *,
     random: np.random.Generator,
 ) -> Street:
-    """The ``index``-th street of a direction with what stands, in the order of its place along it,
-    the ghosts, by class, where the detector sees what is not there, and then what moves.
+    """The ``number``-th street of a direction with what stands, ghosts too (where the detector sees
+    what is not there), in the order of the place along it, and then what moves.
 
     The order of the draws is part of the town: another one, or a draw in between, makes another
     town of every seed. What is new draws at the end.
     """
     blocks = rules.blocks[1 if northbound else 0]
-    street = Street(northbound, index, blocks, rules.block_m, objects=[])
+    street = Street(northbound, number, blocks, rules.block_m, objects=[])
     standing = [
         StreetObject(
             label,
-            object_number(northbound, index, stream=0, member=member),
+            object_number(northbound, number, stream=0, member=member),
             along_m,
             street.middle_m + beside_m,
             real,
@@ -163,23 +163,23 @@ def _moving(
 
 
 def _parked(
-    rules: TownRules, crossings: int, random: np.random.Generator
+    rules: TownRules, blocks: int, random: np.random.Generator
 ) -> Iterator[tuple[float, bool]]:
     """Place along one side of a street, and whether it is a truck, of each parked car; some blocks
     have none, and short ones no room for any.
     """
-    slots = rules.parking_slots
-    if not slots:
+    bays = rules.parking_bays
+    if not bays:
         return
-    busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
-    for block in range(crossings):
+    busy = rules.parked_cars_per_100m / 200 * rules.block_m / bays
+    for block in range(blocks):
         share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
-        slot = np.flatnonzero(random.random(slots) < share)
+        bay = np.flatnonzero(random.random(bays) < share)
         places_m = (
-            block * rules.block_m + CLEAR_M + (slot + 0.4 + 0.2 * random.random(len(slot))) * SLOT_M
+            block * rules.block_m + CLEAR_M + (bay + 0.4 + 0.2 * random.random(len(bay))) * BAY_M
         )
         yield from zip(
-            places_m.tolist(), (random.random(len(slot)) < rules.truck_share).tolist(), strict=True
+            places_m.tolist(), (random.random(len(bay)) < rules.truck_share).tolist(), strict=True
         )
 
 

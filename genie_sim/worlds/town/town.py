@@ -12,7 +12,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.kept_words import TOWN_DETECTOR, TOWN_DRAWS, town_drive
 from genie_sim.worlds.scene.objects import ObjectColumns
-from genie_sim.worlds.scene.scene import Scene, SceneSource
+from genie_sim.worlds.scene.scene import Scene
+from genie_sim.worlds.scene.source import SceneSource
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.commuting import Commuting
 from genie_sim.worlds.town.places import Places
@@ -54,11 +55,11 @@ class Town(Scene):
                 self.rules,
                 ghosts_per_100m,
                 northbound,
-                index,
-                random=self.random("north" if northbound else "east", index),
+                number,
+                random=self.random("north" if northbound else "east", number),
             )
             for northbound, count in ((False, rows + 1), (True, columns + 1))
-            for index in range(count)
+            for number in range(count)
         ]
 
     @functools.cached_property

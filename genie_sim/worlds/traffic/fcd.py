@@ -27,7 +27,7 @@ from genie_sim.base.spans import Ints
 from genie_sim.base.tables import is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
-from genie_sim.worlds.traffic.fcd_checks import compare_ways, tell
+from genie_sim.worlds.traffic.fcd_checks import compare_ways, tell, time_text
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
@@ -80,8 +80,8 @@ class _Reader:
         self.numbers: dict[tuple[str, bool], int] = {}  # by id and whether a person
         self.types: list[str] = []
         self._finished: list[_Step] = []
-        self.first_s: float | None = None
-        self.step: _Step | None = None
+        self.first_s = math.inf  # of the steps that came: none yet
+        self._step: _Step | None = None
         self._there: set[int] = set()  # in this step
         self._parser = expat.ParserCreate()
         self._parser.StartDoctypeDeclHandler = self._doctype
@@ -141,18 +141,18 @@ class _Reader:
     def _begin(self, time_s: float) -> None:
         """A time step begins."""
         self._end()
-        self.step = _Step(self.where, time_s)
-        self.first_s = time_s if self.first_s is None else self.first_s
+        self._step = _Step(self.where, time_s)
+        self.first_s = min(self.first_s, time_s)
         self._there.clear()
 
     def _end(self) -> None:
         """The time step is over."""
-        if self.step is not None:
-            self._finished.append(self.step)
+        if self._step is not None:
+            self._finished.append(self._step)
 
     def _add(self, attributes: Mapping[str, str], is_person: bool) -> None:
         """A road user of this step, by its attributes."""
-        if self.step is None:
+        if self._step is None:
             return
         what, name = "person" if is_person else "vehicle", attributes.get("id")
         if name is None:
@@ -163,7 +163,7 @@ class _Reader:
             angle_deg = float(attributes["angle"])
         if not (abs(x_m) <= MAX_M and abs(y_m) <= MAX_M and abs(angle_deg) <= MAX_TURN_DEG):
             if INVALID in (x_m, y_m, angle_deg):
-                self.step.invalid += 1
+                self._step.invalid += 1
                 return
             for key, most in (("x", MAX_M), ("y", MAX_M), ("angle", MAX_TURN_DEG)):
                 self._number(attributes, f"{what} {short_repr(name)}", key, most)
@@ -173,8 +173,8 @@ class _Reader:
         elif number in self._there:
             raise self.error(f"{what}: id {short_repr(name)} is twice in one time step")
         self._there.add(number)
-        self.step.vehicles.append(number)
-        self.step.values.extend((x_m, y_m, angle_deg, _speed(attributes.get("speed", "nan"))))
+        self._step.vehicles.append(number)
+        self._step.values.extend((x_m, y_m, angle_deg, _speed(attributes.get("speed", "nan"))))
 
     def _number(self, attributes: Mapping[str, str], what: str, name: str, most: float) -> float:
         """An attribute that is a number up to ``most``. Raises UserError."""
@@ -186,7 +186,7 @@ class _Reader:
         except ValueError:
             number = math.nan
         if not abs(number) <= most:
-            limit = f" up to {most:g}" if math.isfinite(number) else ""
+            limit = f" up to {most:,.0f}" if math.isfinite(number) else ""
             raise self.error(f"{what}: {name}: must be a number{limit}, not {short_repr(text)}")
         return number
 
@@ -220,7 +220,7 @@ def read_fcd(
     report = ImportReport(path, accept, "perception.accept: true")
     if begin_s is None:
         begin_s = next(step.time_s for step in steps if step.vehicles)
-        begins = [f"{time_s:g} s" for time_s in dict.fromkeys((begin_s, reader.first_s))]
+        begins = list(dict.fromkeys(map(time_text, (begin_s, reader.first_s))))
         report.choose("begin", begins[0], begins, "perception.begin")
     counts = [len(step.vehicles) for step in steps]
     numbers = np.concatenate([step.vehicles for step in steps]).astype(np.int64)
@@ -273,13 +273,16 @@ def _wanted(
         earlier_s = step.time_s
         if begin_s is None or (wanted and step.time_s <= begin_s):
             wanted, count = [], 0
-        end_s = math.inf if begin_s is None else begin_s + duration_s
-        is_over = step.time_s >= end_s
-        if is_over and step.vehicles and not count:
-            raise UserError(
-                f"{reader.path}: has no vehicles from {begin_s:g} s to {end_s:g} s; the first one "
-                f"comes at {step.time_s:g} s: set 'begin' or 'duration'"
-            )
+        is_over = False
+        if begin_s is not None:
+            end_s = begin_s + duration_s
+            is_over = step.time_s >= end_s
+            if is_over and step.vehicles and not count:
+                span = f"from {time_text(begin_s)} to {time_text(end_s)}"
+                raise UserError(
+                    f"{reader.path}: has no vehicles {span}; the first one comes at "
+                    f"{time_text(step.time_s)}: set 'begin' or 'duration'"
+                )
         wanted.append(step)
         if is_over and count:
             break
@@ -295,9 +298,10 @@ def _wanted(
     last_s = wanted[-1].time_s
     if begin_s is not None and begin_s > last_s:
         raise UserError(
-            f"{reader.path}: begin: {begin_s:g} s is after the last time step, {last_s:g} s"
+            f"{reader.path}: begin: {time_text(begin_s)} is after the last time step, "
+            f"{time_text(last_s)}"
         )
     if not count:
         from_s = reader.first_s if begin_s is None else begin_s
-        raise UserError(f"{reader.path}: has no vehicles from {from_s:g} s on")
+        raise UserError(f"{reader.path}: has no vehicles from {time_text(from_s)} on")
     return wanted

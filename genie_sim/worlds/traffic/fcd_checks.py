@@ -8,6 +8,7 @@ import numpy as np
 
 from genie_sim.base.geometry import Array
 from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S
+from genie_sim.base.units import NS_PER_US, duration_text
 
 if TYPE_CHECKING:
     from genie_sim.worlds.traffic.fcd import VehicleRows
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
 SPEEDS = 20_000  # rows whose speed is compared with their way
 SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
 JUMP_MPS = 70.0  # assumed: what goes faster from one step to the next has not driven there
+
+
+def time_text(t_s: float) -> str:
+    """A time, in whole microseconds: sums and differences of floats have more digits."""
+    return duration_text(round(t_s * 1e6) * NS_PER_US)
 
 
 def tell(rows: "VehicleRows", duration_s: float) -> None:
@@ -27,8 +33,8 @@ def tell(rows: "VehicleRows", duration_s: float) -> None:
     known_s = float(rows.times_s[-1]) - rows.begin_s
     if known_s + LONG_GAP_S < duration_s:
         report.warn(
-            f"ends {known_s:.4g} s after the beginning, before 'duration' of "
-            f"{duration_s:.4g} s is over"
+            f"ends {time_text(known_s)} after the beginning, before 'duration' of "
+            f"{time_text(duration_s)} is over"
         )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
@@ -46,7 +52,7 @@ def compare_ways(rows: "VehicleRows", speeds_mps: Array) -> None:
     usual = np.median(apart[same_vehicle]) if same_vehicle.any() else 1
     if usual > 1:
         report.refuse(
-            f"a vehicle is there at every {usual:g}th step only, and "
+            f"a vehicle is there only at one of {usual:g} steps, and "
             "nowhere in between: write all vehicles at all steps (--device.fcd.period)"
         )
     pairs = same_vehicle & (apart == 1)
@@ -66,7 +72,8 @@ def compare_ways(rows: "VehicleRows", speeds_mps: Array) -> None:
     way_m = np.hypot(*steps_m.T)
     told_m = passed_s * speeds_mps[order][1:][pairs]
     driven_mps = way_m / passed_s
-    if (driven_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
+    # Few are teleports, which are told elsewhere; many are another unit.
+    if (driven_mps > JUMP_MPS).mean() <= FAST_SHARE:
         driven_mps = driven_mps[driven_mps <= JUMP_MPS]
     comparable = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
     if told_m[comparable].sum() > 1.0:

@@ -12,7 +12,7 @@ from genie_sim.base.marks import Bounds
 from genie_sim.base.setting_errors import SettingError
 from genie_sim.base.units import NS_PER_S
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
-from genie_sim.worlds.scene.scene import SceneSource
+from genie_sim.worlds.scene.source import SceneSource
 from genie_sim.worlds.traffic.vehicle_types import VehicleType
 
 if TYPE_CHECKING:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from genie_sim.base.classes import PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.units import NS_PER_S
+from genie_sim.base.units import NS_PER_S, duration_text
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.kept_words import TRAFFIC_DRAWS
 from genie_sim.worlds.scene.objects import ObjectColumns
-from genie_sim.worlds.scene.scene import Scene, SceneDrives
+from genie_sim.worlds.scene.scene import Scene
+from genie_sim.worlds.scene.source import SceneDrives
 from genie_sim.worlds.traffic.fcd import VehicleRows
 from genie_sim.worlds.traffic.vehicles import Stretch, Vehicles
 from genie_sim.worlds.traffic.view import TrafficView
@@ -148,6 +149,8 @@ class TrafficDrives(SceneDrives):
         for number, name in zip(numbers, self._names, strict=True):
             stretch = vehicles.longest(number, traffic.end_s)
             if stretch.end_s - stretch.begin_s >= SHORTEST_S:
+                # Of a difference of floats: 3600.3 s less 3600 s are 300000001 ns. Another rounding
+                # would draw the frames of kept runs anew.
                 span_ns = math.ceil(stretch.begin_s * 1e9), math.floor(stretch.end_s * 1e9)
                 self._stretches[name] = (stretch, *span_ns)
 
@@ -195,8 +198,9 @@ class TrafficDrives(SceneDrives):
         stretch, begin_ns, end_ns = self._stretches[car]
         if not begin_ns <= start_ns < end_ns:
             raise UserError(
-                f"{self.scene.path}: {car} starts at {start_ns / 1e9:g} s, but is there from "
-                f"{begin_ns / 1e9:g} to {end_ns / 1e9:g} s: see 'route.start' and 'start_jitter'"
+                f"{self.scene.path}: {car} starts at {duration_text(start_ns)}, but is there from "
+                f"{duration_text(begin_ns)} to {duration_text(end_ns)}: see 'route.start' and "
+                "'start_jitter'"
             )
         return SceneDrive(
             self.scene,

@@ -36,8 +36,9 @@ TYPES = {
     "moped": VehicleType("motorcycle", 2.1, 0.8),
     **dict.fromkeys(("bicycle", "bike"), VehicleType("bicycle", 1.6, 0.65)),
 }
-# words in the names of types that are known to be cars
+# words in the names of types that are known to be cars, unless there is a word of something else
 CARS = {"car", "passenger", "taxi", "default", "veh", "vehicle", "private", "evehicle", "hov"}
+OTHERS = {"aircraft", "cable", "container", "drone", "scooter", "ship", "subway", "wheelchair"}
 
 
 def words_of(name: str) -> list[str]:
@@ -47,9 +48,13 @@ def words_of(name: str) -> list[str]:
     return [word.removesuffix("type").removesuffix("veh") or word for word in words]
 
 
+def _singulars(word: str) -> tuple[str, ...]:
+    """A word, and what it is the plural of if it is one: trucks, buses, lorries."""
+    return word, word.removesuffix("s"), word.removesuffix("es"), re.sub("ies$", "y", word)
+
+
 def type_named(name: str) -> VehicleType | None:
     """What a type is by the words in its name; ``None`` where none says so."""
-    words = words_of(name)
-    forms = (form for word in words for form in (word, word.removesuffix("s")))
-    car = USUAL if CARS & {*words} else None
+    forms = [form for word in words_of(name) for form in _singulars(word)]
+    car = USUAL if CARS.intersection(forms) and not OTHERS.intersection(forms) else None
     return next((TYPES[form] for form in forms if form in TYPES), car)

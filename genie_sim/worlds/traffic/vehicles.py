@@ -114,6 +114,7 @@ class Vehicles:
         sizes = [kind or SIZES["person"] for kind in types]
         self.lengths_m = np.array([size.length_m for size in sizes])
         self.widths_m = np.array([size.width_m for size in sizes])
+        # SUMO's heights are not in the file: as high as what the detector knows of the class.
         self.heights_m = np.array([SIZES[label].height_m for label in self.labels])
         order = np.lexsort((rows.step, rows.vehicle))
         self.vehicle: Ints = rows.vehicle[order]

@@ -32,6 +32,7 @@ from genie_sim.worlds.scene.noise import normals, smooth_normals, smooth_row
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 from genie_sim.worlds.town import Town, TownRules
+from genie_sim.worlds.town.rules import GHOSTS_PER_100M
 from tools.make.town_fit import fit, validation
 
 VEHICLES, PERSONS = ("car", "truck", "bus"), ("person",)
@@ -312,6 +313,7 @@ def test_ghosts_come_back_at_their_places(laws):
     ghosts = [item for street in town.streets for item in street.objects if not item.real]
     expected = sum(laws.ghosts_per_100m.values()) * 2 * 4 * 450 / 100  # of so many metres of street
     assert len(ghosts) == pytest.approx(expected, abs=4 * math.sqrt(expected))
+    assert sum(laws.ghosts_per_100m.values()) == pytest.approx(GHOSTS_PER_100M, abs=0.05)
     assert not any(item.speed_mps for item in ghosts)
     assert (town.objects.group[~town.objects.real] == laws.group_of("car", real=False)).all()
 

@@ -7,12 +7,12 @@ import pytest
 
 from genie_sim.base.features import DIMENSION, UNIT, unpacked
 from genie_sim.core.messages import CameraPose
-from genie_sim.worlds.scene.surrogate import LAWS, Surrogate
+from genie_sim.worlds.scene.surrogate import FEATURES, Surrogate
 
 PLACES = [CameraPose(37.0 * i, 91.0 * (i % 7), 1.6, 0.1 * i) for i in range(300)]
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", FEATURES)
 def test_features_have_length_1_on_average_and_do_not_leave_their_bytes(name: str):
     """Over seeds, too: each draws its own directions."""
     squares = []
@@ -24,13 +24,13 @@ def test_features_have_length_1_on_average_and_do_not_leave_their_bytes(name: st
     assert np.mean(squares) == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", FEATURES)
 def test_a_place_looks_alike_but_for_each_frame_s_own_part(name: str):
     surrogate, pose = Surrogate(3, name), PLACES[5]
     assert surrogate.at(pose, 7) == surrogate.at(pose, 7)
     first = unpacked(surrogate.at(pose, 0))
     again = [unpacked(surrogate.at(pose, 97 * key)) for key in range(1, 200)]
     apart = [np.linalg.norm(vector - first) / UNIT for vector in again]
-    assert np.median(apart) == pytest.approx(LAWS[name].noise, rel=0.25)
+    assert np.median(apart) == pytest.approx(FEATURES[name].noise, rel=0.25)
     far = unpacked(surrogate.at(PLACES[200], 0))
     assert np.linalg.norm(far - first) / UNIT > 2 * np.median(apart)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import pytest
@@ -11,6 +12,9 @@ from genie_sim.base.settings import from_plain
 from genie_sim.worlds.scene.keys import mix, object_number
 from genie_sim.worlds.town.rules import TownRules
 
+# of a town of signs and ghosts alone
+NOTHING = {field.name: 0 for field in fields(TownRules) if field.name.endswith("_per_100m")}
+
 
 @pytest.mark.parametrize(
     ("right", "wrong", "message"),
@@ -18,7 +22,9 @@ from genie_sim.worlds.town.rules import TownRules
         ({"blocks": [1, 100]}, {"blocks": [0, 1]}, "blocks[0]: must be from 1 to 100, not 0"),
         ({"view": "100 m"}, {"view": "100.5 m"}, "view: must be more than 0 m and at most 100 m"),
         ({"block": "10 km"}, {"block": "11 km"}, "block: must be at most 10000 m, but is '11 km'"),
-        ({}, {"blocks": [100, 100], "block": "10 km"}, "blocks: make about 39,996,000 objects"),
+        ({}, {"blocks": [100, 100], "block": "10 km"}, "blocks: make about 56,772,504 objects"),
+        ({}, {"blocks": [100, 100], "cyclists_per_100m": 100}, "make about 6,770,434 objects"),
+        ({}, {"blocks": [100, 100], "block": "10 km"} | NOTHING, "make about 11,726,504 objects"),
         ({}, {"speed_mps": 0}, "speed_mps: must be more than 0 and at most 100, not 0"),
         ({}, {"main_speed_mps": 1e200}, "main_speed_mps: must be more than 0 and at most 100"),
         ({}, {"braking_mps2": 1e-310}, "braking_mps2: must be from 0.01 to 100, not 1e-310"),
@@ -27,7 +33,13 @@ from genie_sim.worlds.town.rules import TownRules
         ({"popularity": 0}, {"popularity": -0.1}, "popularity: must be at least 0, not -0.1"),
         ({"truck_share": 1}, {"truck_share": 1.1}, "truck_share: must be from 0 to 1, not 1.1"),
         ({"street_half": "8 m"}, {"street_half": "7.9 m"}, "a quarter of a block, 37.5 m"),
-        ({"street_half": "37.5 m"}, {"street_half": "37.6 m"}, "a quarter of a block, 37.5 m"),
+        ({"street_half": "37.5 m"}, {"street_half": "37.50001 m"}, "37.5 m, but is 37.50001 m"),
+        ({}, {"block": "72.22222 m", "street_half": "8 m"}, "block: 72.22222 m is too short"),
+        (
+            {"block": "150.2 m", "parked_cars_per_100m": 23.9},
+            {"block": "150.2 m", "parked_cars_per_100m": 24},
+            "there is room for 23.9",
+        ),
     ],
 )
 def test_a_rule_holds_up_to_its_border(right: Any, wrong: Any, message: str):
@@ -48,9 +60,9 @@ def test_a_block_is_long_enough_to_stop_in_from_the_higher_limit():
 
 
 def test_parked_cars_have_room_between_junctions():
-    """122 of 150 m are free, 18 slots of 6.5 m on each side: 24 cars per 100 m."""
+    """122 of 150 m are free, 18 bays of 6.5 m on each side: 24 cars per 100 m."""
     rules = TownRules(parked_cars_per_100m=24.0)
-    assert rules.parking_slots == 18
+    assert rules.parking_bays == 18
     with pytest.raises(SettingError, match=r"do not fit; between junctions there is room for 24.0"):
         TownRules(parked_cars_per_100m=24.1)
 

@@ -53,8 +53,8 @@ def any_rules(draw) -> TownRules:
         "destinations": draw(st.integers(1, 30)),
         "parked_cars_per_100m": 0.0,
     }
-    slots = TownRules(**few).parking_slots
-    room = 200 * slots / few["block_m"]
+    bays = TownRules(**few).parking_bays
+    room = 200 * bays / few["block_m"]
     return TownRules(**few | {"parked_cars_per_100m": draw(st.floats(0, min(room, 100)))})
 
 

@@ -94,7 +94,7 @@ def driven(
         (driven(angle=1.5708), "vehicles: angle fits the way driven as radians"),
         (
             fcd_text([(k, {"a": (k, 1.0, 90.0)} if k % 3 == 0 else {}) for k in range(30)]),
-            "a vehicle is there at every 3th step only",
+            "a vehicle is there only at one of 3 steps",
         ),
     ],
 )
@@ -125,7 +125,8 @@ def test_an_angle_that_counts_from_east_is_warned_of(tmp_path):
 def test_a_file_that_ends_before_the_duration_says_so(tmp_path):
     path = tmp_path / "a.xml"
     path.write_text(driven())
-    assert "ends 3.9 s after" in " ".join(read_fcd(path, None, 9.0).report.warnings)
+    (warning,) = read_fcd(path, None, 86400.0).report.warnings
+    assert warning == "ends 3.9 s after the beginning, before 'duration' of 86400 s is over"
 
 
 def test_the_mark_of_no_place_is_counted_and_passed_over(tmp_path):
@@ -140,17 +141,20 @@ def test_the_mark_of_no_place_is_counted_and_passed_over(tmp_path):
 
 
 def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
-    empty = [(float(k), {}) for k in range(20)]
-    there = [(20.0, {"a": (0, 0, 0)}), (21.0, {"a": (1, 0, 0)})]
+    empty = [(36000.02 + k, {}) for k in range(20)]
+    there = [(36020.04, {"a": (0, 0, 0)}), (36021.04, {"a": (1, 0, 0)})]
     path = write_fcd(tmp_path / "a.xml", [*empty, *there])
     rows = read_fcd(path, None, 5.0)
-    assert rows.times_s.tolist() == [20.0, 21.0]
-    assert rows.report.chosen == ["begin: 20 s, not 0 s (perception.begin)"]
-    with pytest.raises(UserError, match="no vehicles from 3 s to 8 s; the first one comes at 20 s"):
-        read_fcd(path, 3.0, 5.0)
+    assert rows.times_s.tolist() == [36020.04, 36021.04]
+    assert rows.report.chosen == ["begin: 36020.04 s, not 36000.02 s (perception.begin)"]
+    first = "the first one comes at 36020.04 s"
+    with pytest.raises(UserError, match=f"no vehicles from 36003.1 s to 36008.3 s; {first}"):
+        read_fcd(path, 36003.1, 5.2)
     late = write_fcd(tmp_path / "b.xml", there)  # its first step lies behind the window
-    with pytest.raises(UserError, match="no vehicles from 0 s to 5 s; the first one comes at 20 s"):
-        read_fcd(late, 0.0, 5.0)
+    with pytest.raises(UserError, match=f"no vehicles from 0 s to 500 ms; {first}"):
+        read_fcd(late, 0.0, 0.5)
+    with pytest.raises(UserError, match=r"36021.05 s is after the last time step, 36021.04 s"):
+        read_fcd(late, 36021.05, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +170,7 @@ def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
         (' angle="359.0"', "", "line 8: vehicle 'b': attribute 'angle'"),
         ('id="a" x="5.0"', 'x="5.0"', "line 7: vehicle: attribute 'id'"),
         ('x="5.0" y="1.0"', 'x="5.0" y="north"', "line 7: vehicle 'a': y: "),
-        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: "),
+        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: must be a number up to 40,000,000"),
         ('id="b" x="7.0" y="9.0"', 'id="a" x="1" y="1"', "line 8: "),
     ],
 )

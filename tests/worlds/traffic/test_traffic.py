@@ -207,7 +207,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
         return prepare(read_scenario(settings))
 
     assert len(prepared("veh_d", "2 s").drives["veh_d"].frames["02"]) == 10
-    with pytest.raises(UserError, match=r"veh_d starts at 0 s, but is there from 1.5 to 3 s"):
+    with pytest.raises(UserError, match=r"veh_d starts at 0 s, but is there from 1.5 s to 3 s"):
         prepared("veh_d", "0 s")
     with pytest.raises(UserError, match=r"unknown vehicle 'veh_x'"):
         prepared("veh_x", "0 s")

@@ -12,7 +12,7 @@ from genie_sim.base.plugins import Choice
 from genie_sim.scenario.scenario import FRAME_SOURCE
 from genie_sim.worlds.scene.view import ViewPoses
 from genie_sim.worlds.traffic.fcd import read_fcd
-from genie_sim.worlds.traffic.vehicle_types import TYPES, USUAL, VehicleType, type_named
+from genie_sim.worlds.traffic.vehicle_types import TYPES, VehicleType, type_named
 from genie_sim.worlds.traffic.vehicles import Vehicles
 from tests.worlds.traffic.fcd_files import write_fcd
 
@@ -135,12 +135,20 @@ def test_who_may_be_near_includes_everybody_who_is(tmp_path):
         ("Bus2", "bus"),
         ("motorbike", "motorcycle"),
         ("business_car", "car"),
-        ("strain", "car"),
-        ("", "car"),
+        ("taxis", "car"),
+        ("trucks", "truck"),
+        ("city_buses", "bus"),
+        ("Lorries", "truck"),
+        ("container_truck", "truck"),
+        ("cable_car", None),
+        ("DEFAULT_SCOOTERTYPE", None),
+        ("strain", None),
+        ("", None),
     ],
 )
 def test_types_are_recognised_by_words(name, label):
-    assert (type_named(name) or USUAL).label == label
+    kind = type_named(name)
+    assert (kind and kind.label) == label
 
 
 def test_every_type_has_a_class_and_is_longer_than_wide():
