@@ -15,4 +15,7 @@
 
 No reader of frames are ``link_import``, which makes recordings of links out of measurements, and
 ``fetch``, which downloads drives and weights. Heavy libraries are imported late.
+
+Docstrings of what users implement (``frame_source``, ``detectors.image_detector``) repeat the types
+of the signature; all others do not.
 """

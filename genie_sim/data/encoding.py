@@ -4,11 +4,12 @@ stays nearly the same when a picture changes.
 
 import hashlib
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import cv2
 import numpy as np
 
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.features import packed
 from genie_sim.core.messages import Encoding
 
@@ -58,7 +59,11 @@ def picture_of(
 
 
 def sent(image_bgr: np.ndarray, encoding: Encoding) -> tuple[np.ndarray, int]:
-    """The picture after it was encoded and decoded again, and its size in between [bytes]."""
+    """The picture after it was encoded and decoded again, and its size in between [bytes]. Raises
+    UserError for an encoding that is none.
+    """
+    if encoding not in [*FORMATS]:
+        raise UserError(f"encoding: {unknown('encoding', encoding, get_args(Encoding))}")
     suffix, settings = FORMATS[encoding]
     _, data = cv2.imencode(suffix, image_bgr, settings)
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR)), len(data)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 SUFFIX = ".truth.parquet"
 METADATA = (
     "trace",
-    "tolerance_m",
+    "tolerance_m",  # written for readers of the file
     "range_m",
     "cameras",
 )  # of a table's file, besides what all tell
@@ -102,7 +102,7 @@ class TruthTable:
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
         """The same around another origin, as ``Trace.rebased``."""
-        if tuple(origin) == tuple(self.origin):
+        if origin == self.origin:
             return self
         from genie_sim.data.geodesy import enu_SE3_enu
 

@@ -15,9 +15,10 @@ hold indices and codes:
   share; *label* and *class_* are codes of names, which share one numbering (``LabelCodes``);
   *place_code* is one of a class and a place (``RecentPlaces``).
 
-What an array has a value for says its type, ``PerScene`` and so on; an array of indices is named
-after both, as ``scene_of_pair``. A window in which the detector is judged for car1 alone, since
-car2 drove under an earlier method::
+An *item* is an object that is held in view, and a *pair* is of an item and a visible object. An
+array has a value for each scene, item, visible object or pair of the window; an array of indices is
+named after both, as ``scene_of_pair``. A window in which the detector is judged for car1 alone,
+since car2 drove under an earlier method::
 
     scene               0           1           2           3           4
     car                 car1        car1        car2        car1        car1
@@ -34,7 +35,15 @@ import numpy as np
 from genie_sim.core.messages import Detections, Image
 from genie_sim.judge.held import Held, shown_objects
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
-from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, pair_codes
+from genie_sim.judge.joins import (
+    Array,
+    GroupedPlaces,
+    Pairs,
+    matches,
+    near,
+    pair_codes,
+    rows_of,
+)
 from genie_sim.judge.objects import LabelCodes
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
@@ -42,11 +51,6 @@ from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.records import CONSUMER, JUDGED, ZERO_DELAY
 from genie_sim.record.tables import Table
 from genie_sim.tracks.consumer import Consumer, Newest, Shown
-
-PerScene = Array  # a value for each scene of the window
-PerItem = Array  # for each object that is held in view, whatever its scene
-PerVisible = Array  # for each object that is there and in view, whatever its scene
-PerPair = Array  # for each pair of an item and a visible object
 
 WINDOW, WINDOW_OF_CAR = 1024, 8  # scenes that are judged at once: the larger number of both
 
@@ -60,7 +64,7 @@ class _Judged(NamedTuple):
     """
 
     items: Held
-    judgement: PerItem
+    judgement: Array
     matches: Pairs
 
 
@@ -172,7 +176,7 @@ class ConsumerJudge:
         """Writes the rows of the window."""
         views = SceneViews.of(self._scenes, self._cameras, self._truth_numbers)
         visible = Visible.of(self._scenes, self._labels, self._recent_places.codes)
-        visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
+        visible = rows_of(visible, views.see(visible.scene, visible.east_m, visible.north_m))
         judged = self._compare(views, visible)
         self._count(views, visible, judged)
         if self._spans is not None:
@@ -187,22 +191,22 @@ class ConsumerJudge:
         """
         shown = (scene.shown for scene in self._scenes)
         items = shown_objects(zip(views.now_ns.tolist(), shown, strict=True), self._labels)
-        is_judged: PerItem = views.see(items.scene, items.east_m, items.north_m)
+        is_judged = views.see(items.scene, items.east_m, items.north_m)
         is_judged &= self._knows(views.truth[items.scene], items.label)
-        items = items.rows(is_judged)
+        items = rows_of(items, is_judged)
         pairs = self._pairs(items, visible, views.tolerance_m)
         right = matches(pairs)
 
-        judgement: PerItem = np.full(len(items.scene), NEVER_THERE)
+        judgement = np.full(len(items.scene), NEVER_THERE)
         judgement[pairs.ours] = DUPLICATE
         judgement[right.ours] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
-        judgement[others[self._are_there(views, items.rows(others))]] = HIDDEN
+        judgement[others[self._are_there(views, rows_of(items, others))]] = HIDDEN
         others = np.flatnonzero(judgement == NEVER_THERE)
-        judgement[others[self._were_there(views, visible, items.rows(others))]] = MOVED_AWAY
+        judgement[others[self._were_there(views, visible, rows_of(items, others))]] = MOVED_AWAY
         return _Judged(items, judgement, right)
 
-    def _pairs(self, items: Held, visible: Visible, tolerance_m: PerScene) -> Pairs:
+    def _pairs(self, items: Held, visible: Visible, tolerance_m: Array) -> Pairs:
         """The pairs of a held and a visible object of one scene and class, within the tolerance of
         the scene.
         """
@@ -214,24 +218,23 @@ class ConsumerJudge:
             GroupedPlaces(visible_group, visible.east_m, visible.north_m),
             float(tolerance_m.max()),
         )
-        scene_of_pair: PerPair = items.scene[pairs.ours]
-        return pairs.rows(pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair])
+        scene_of_pair = items.scene[pairs.ours]
+        return rows_of(pairs, pairs.distance_m2 <= (tolerance_m * tolerance_m)[scene_of_pair])
 
-    def _knows(self, truth: PerItem, label: PerItem) -> PerItem:
+    def _knows(self, truth: Array, label: Array) -> Array:
         """Whether the truth of each, by its number, knows the label, given its code."""
         truths, labels = list(self._truths.values()), list(self._labels.codes)
         is_known = np.zeros((len(truths), len(labels)), dtype=bool)
         is_known[truth, label] = True  # asked about
         for of_truth, of_label in np.argwhere(is_known).tolist():
             is_known[of_truth, of_label] = truths[of_truth].knows(labels[of_label])
-        result: PerItem = is_known[truth, label]
-        return result
+        return is_known[truth, label]
 
-    def _are_there(self, views: SceneViews, items: Held) -> PerItem:
+    def _are_there(self, views: SceneViews, items: Held) -> Array:
         """Whether anything of its class, visible or not, is where each is held."""
         result = np.zeros(len(items.scene), dtype=bool)
         labels = list(self._labels.codes)
-        truth_of_item: PerItem = views.truth[items.scene]
+        truth_of_item = views.truth[items.scene]
         for number in np.unique(truth_of_item).tolist():
             rows = np.flatnonzero(truth_of_item == number)
             scenes = [self._scenes[scene] for scene in items.scene[rows].tolist()]
@@ -243,10 +246,10 @@ class ConsumerJudge:
             )
         return result
 
-    def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> PerItem:
+    def _were_there(self, views: SceneViews, visible: Visible, items: Held) -> Array:
         """Whether anything of its class was visible lately, before the scene, where each is."""
-        instant: PerScene = views.instant
-        seen = visible.rows(views.is_consumer[visible.scene])
+        instant = views.instant
+        seen = rows_of(visible, views.is_consumer[visible.scene])
         return self._recent_places.were_there(
             GroupedPlaces(items.class_, items.east_m, items.north_m),
             tolerance_m=views.tolerance_m[items.scene],
@@ -263,13 +266,13 @@ class ConsumerJudge:
         by_judgement = [
             _per_scene(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
-        moving: PerVisible = visible.moving
-        found: PerVisible = np.zeros(len(moving), dtype=bool)
+        moving = visible.moving
+        found = np.zeros(len(moving), dtype=bool)
         found[right.theirs] = True
-        scene_of_pair: PerPair = items.scene[right.ours]
+        scene_of_pair = items.scene[right.ours]
         errors_m = np.bincount(scene_of_pair, np.sqrt(right.distance_m2), minlength=scenes)
         with np.errstate(invalid="ignore"):
-            error_m: PerScene = errors_m / by_judgement[RIGHT]
+            error_m = errors_m / by_judgement[RIGHT]
         columns = {
             "method": Text.of(np.zeros(scenes, dtype=np.int64), [self._method]),
             "what": Text.of(np.where(views.is_consumer, 0, 1), [CONSUMER, ZERO_DELAY]),
@@ -296,10 +299,10 @@ class ConsumerJudge:
     ) -> None:
         """Notes since when each object is judged as it is."""
         items = judged.items
-        is_held: PerItem = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
-        is_missed: PerVisible = views.is_consumer[visible.scene]
+        is_held = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
+        is_missed = views.is_consumer[visible.scene]
         is_missed[judged.matches.theirs] = False
-        held, missed = items.rows(is_held), visible.rows(is_missed)
+        held, missed = rows_of(items, is_held), rows_of(visible, is_missed)
         scene = np.append(held.scene, missed.scene)
         objects = JudgedObjects(
             instant=views.instant[scene],
@@ -314,6 +317,6 @@ class ConsumerJudge:
         spans.add(objects, camera=views.camera[is_instant], now_ns=views.now_ns[is_instant])
 
 
-def _per_scene(scene: Array, selection: Array, scenes: int) -> PerScene:
+def _per_scene(scene: Array, selection: Array, scenes: int) -> Array:
     """How many items, or visible objects, are selected in each scene."""
     return np.bincount(scene[selection], minlength=scenes)

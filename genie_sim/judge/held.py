@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.core.messages import Detection
-from genie_sim.judge.joins import Array, GroupedPlaces, near, pair_codes
+from genie_sim.judge.joins import Array, GroupedPlaces, near, pair_codes, rows_of
 from genie_sim.judge.objects import LabelCodes, ShownObjects
 from genie_sim.judge.scenes import in_field_of_view
 from genie_sim.tracks.consumer import Shown
@@ -31,39 +31,40 @@ class Held(NamedTuple):
     east_m: Array
     north_m: Array
 
-    def rows(self, selection: Array) -> "Held":
-        """Those of a mask or of indices."""
-        return Held(*(column[selection] for column in self))
-
 
 def shown_objects(scenes: Iterable[tuple[int, Sequence[Shown]]], labels: LabelCodes) -> Held:
     """Returns what is held in each scene: its time [ns], and what answers show then."""
     lists: list[Sequence[Detection]] = []
-    about: list[tuple[int, int, int]] = []  # of each list scene, rank of its answer, how old [ns]
+    # of each list its scene, the rank of its answer, and how old that is [ns]
+    about_lists: list[tuple[int, int, int]] = []
     views: list[tuple[int, int, Viewer]] = []  # scene and rank of answers that show all in view
     for scene, (now_ns, answers) in enumerate(scenes):
         for rank, answer in enumerate(answers):
             lists.append(answer.objects)
             age_ns = 0 if answer.valid_ns is None else max(now_ns - answer.valid_ns, 0)
-            about.append((scene, rank, age_ns))
+            about_lists.append((scene, rank, age_ns))
             if answer.valid_ns is not None and answer.viewer is not None:
                 views.append((scene, rank, answer.viewer))
-    shown, counts = ShownObjects.of(lists, labels)
-    of_lists = np.array(about, dtype=np.int64).reshape(-1, 3)
-    scene_of, rank, age_ns_of = np.repeat(of_lists, counts, axis=0).T
-    dt_s = np.minimum(age_ns_of, COAST_NS) * 1e-9
-    is_covered = _covered(scene_of, rank, np.stack([shown.east_m, shown.north_m]), views)
+    shown, objects_per_list = ShownObjects.of(lists, labels)
+    per_list = np.array(about_lists, dtype=np.int64).reshape(-1, 3)
+    # from here on, arrays have a value for each object
+    object_scene, object_rank, age_ns = np.repeat(per_list, objects_per_list, axis=0).T
+    dt_s = np.minimum(age_ns, COAST_NS) * 1e-9
+    # covered is what was found in a view, wherever it has moved to since
+    places_m = np.stack([shown.east_m, shown.north_m])
+    is_covered = _covered(object_scene, object_rank, places_m, views)
     held = Held(
-        scene_of,
+        object_scene,
         shown.label,
         shown.class_,
         east_m=shown.east_m + shown.velocity_east_mps * dt_s,
         north_m=shown.north_m + shown.velocity_north_mps * dt_s,
-    ).rows(~is_covered)
-    rank = rank[~is_covered]
-    if rank.any():
+    )
+    held, object_rank = rows_of(held, ~is_covered), object_rank[~is_covered]
+    if object_rank.any():
         group = pair_codes(held.scene, held.label, len(labels.codes))
-        held = held.rows(~_repeated(rank, GroupedPlaces(group, held.east_m, held.north_m)))
+        places = GroupedPlaces(group, held.east_m, held.north_m)
+        held = rows_of(held, ~_repeated(object_rank, places))
     return held
 
 
@@ -78,7 +79,7 @@ def _covered(
     scene, rank : array
         Of each of (n,) objects its scene, and the rank among its answers of the one that shows it.
     places_m : array
-        East and north [m], (2, n).
+        East and north [m], (2, n), where they were found.
     views : sequence of tuple
         Scene, rank and viewer of the answers that show all in view.
     """
@@ -109,7 +110,7 @@ def _repeated(rank: Array, places: GroupedPlaces) -> Array:
     """
     pairs = near(places, places, NEAR_M)
     is_later = rank[pairs.ours] < rank[pairs.theirs]
-    earlier, later, _ = pairs.rows(is_later & (pairs.distance_m2 < NEAR_M * NEAR_M))
+    earlier, later, _ = rows_of(pairs, is_later & (pairs.distance_m2 < NEAR_M * NEAR_M))
     repeated = np.zeros(len(rank), dtype=bool)
     for of_rank in range(1, int(rank.max()) + 1):
         is_shown = (rank[later] == of_rank) & ~repeated[earlier]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.judge.joins import Array
+from genie_sim.judge.joins import Array, rows_of
 from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.tables import Table
 
@@ -23,10 +23,6 @@ class JudgedObjects(NamedTuple):
     judgement: Array
     east_m: Array
     north_m: Array
-
-    def rows(self, selection: Array) -> "JudgedObjects":
-        """Those of a mask or of indices."""
-        return JudgedObjects(*(column[selection] for column in self))
 
 
 class HeldSpans:
@@ -83,16 +79,16 @@ class HeldSpans:
         first, last = _spans(objects, following)
         end = following[objects.instant[last]]
         order = np.lexsort((first, objects.begin_ns[first], end))
-        spans, end = objects.rows(first[order]), end[order]
+        spans, end = rows_of(objects, first[order]), end[order]
         is_over = end < len(following)
-        self._write(spans.rows(is_over), now_ns[end[is_over] - before])
-        still_open = spans.rows(~is_over)
+        self._write(rows_of(spans, is_over), now_ns[end[is_over] - before])
+        still_open = rows_of(spans, ~is_over)
         # next time the last instant of each camera has the index that is the camera's code
         self._open = still_open._replace(instant=still_open.camera)
 
     def close(self) -> None:
         """What is held now is held until the end."""
-        spans = self._open.rows(np.argsort(self._open.camera, kind="stable"))
+        spans = rows_of(self._open, np.argsort(self._open.camera, kind="stable"))
         self._write(spans, np.full(len(spans.camera), None))
 
     def _write(self, spans: JudgedObjects, end_ns: Array) -> None:

@@ -2,13 +2,15 @@
 ``base.matching`` does object by object, in numpy for many scenes at once.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from genie_sim.base.spans import rows_of_spans
 
 Array = np.ndarray[Any, Any]
+Rows = TypeVar("Rows", bound=tuple[Array, ...])
 SMALL_GROUP = 64  # places in a group that are not worth strips
 
 
@@ -36,9 +38,11 @@ class Pairs(NamedTuple):
     theirs: Array
     distance_m2: Array
 
-    def rows(self, selection: Array) -> "Pairs":
-        """Those of a mask or of indices."""
-        return Pairs(*(column[selection] for column in self))
+
+def rows_of(columns: Rows, selection: Array) -> Rows:
+    """Some rows of columns (n,): those of a mask or of indices."""
+    make: Callable[..., Rows] = type(columns)
+    return make(*(column[selection] for column in columns))
 
 
 def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
@@ -70,7 +74,7 @@ def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
     distance_m2 = east_m * east_m + north_m * north_m
     is_near = distance_m2 <= reach_m * reach_m
     is_near &= ours.group[ours_near] == theirs.group[theirs_near]
-    return Pairs(ours_near, theirs_near, distance_m2).rows(is_near)
+    return rows_of(Pairs(ours_near, theirs_near, distance_m2), is_near)
 
 
 def _strips(
@@ -139,4 +143,4 @@ def matches(pairs: Pairs) -> Pairs:
             our_indices.add(i)
             their_indices.add(j)
             chosen.append(pair)
-    return pairs.rows(np.array(chosen, dtype=np.int64))
+    return rows_of(pairs, np.array(chosen, dtype=np.int64))

@@ -112,10 +112,6 @@ class Visible(NamedTuple):
         kinds = [np.int64] * 4 + [np.bool_] + [np.float64] * 2
         return cls(*(np.array(of, dtype=kind) for of, kind in zip(columns, kinds, strict=True)))
 
-    def rows(self, selection: Array) -> "Visible":
-        """Those of a mask."""
-        return Visible(*(column[selection] for column in self))
-
 
 class SceneViews(NamedTuple):
     """Columns (scenes,): the time [ns], the code of the camera, a car and a stream, the number of

@@ -50,18 +50,18 @@ def test_numbers_are_below_a_thousand_million():
 
 
 def test_matrices_by_any_of_their_names():
-    rows = number_files.named_rows(written("P: 1 0 0 0 2 0 0 0 4\n,\nT 1 2 3\n"))
+    rows = number_files.named_rows(written("P: 1 0 0 0 2 0 0 0 4\n,\nT 1 0 0 1 0 1 0 1 0 0 1 1\n"))
     path = Path("numbers.txt")
-    camera, place = number_files.matrices(path, rows, [(("Q", "P"), 3), (("T",), 1)])
+    camera, place = number_files.matrices(path, rows, [(("Q", "P"), 3), (("T",), 4)])
     assert camera.tolist() == [[1, 0, 0], [0, 2, 0], [0, 0, 4]]
-    assert place.tolist() == [[1], [2], [3]]
+    assert place.tolist() == [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]
     for names, columns, message in (
         (("R",), 3, "R is missing or has not 9 numbers"),
         (("P",), 4, "P is missing or has not 12 numbers"),
         (("bad",), 3, "bad is not a matrix that can be inverted"),
-        (("huge",), 1, "huge is not a matrix that can be inverted"),
+        (("huge",), 3, "huge is not a matrix that can be inverted"),
     ):
-        more = {**rows, "bad": ["1"] * 9, "huge": ["1", "2", "1e9"]}
+        more = {**rows, "bad": ["1"] * 9, "huge": ["1e9", *"000100", "0", "1"]}
         with pytest.raises(UserError, match=message):
             number_files.matrices(path, more, [(names, columns)])
     thin = {"thin": ["1e-4", "0", "0", "0", "1e-4", "0", "0", "0", "1e-2"]}

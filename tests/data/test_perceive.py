@@ -112,6 +112,13 @@ def test_only_the_same_weights_and_files_can_be_checked(street, trace):
         perceive_again(root, trace, own)
     with pytest.raises(UserError, match="not perceived from a drive"):
         perceive_again(root, replace(trace, provenance={}), DetectorSettings(weights=weights))
+    parameters = trace.provenance["parameters"]
+    for changes in ({"input_size": 96}, {"cameras": None}, {"min_score": []}, {"encoding": []}):
+        about = {**trace.provenance, "parameters": {**parameters, **changes}}
+        with pytest.raises(UserError, match=r"its provenance cannot be read|unknown encoding"):
+            perceive_again(
+                root, replace(trace, provenance=about), DetectorSettings(weights=weights)
+            )
 
 
 def test_a_drive_becomes_a_trace(street):

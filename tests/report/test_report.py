@@ -690,6 +690,15 @@ def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
         browser.evaluate(f"byId('which-stream').value = {stream}")
         browser.evaluate("byId('which-stream').dispatchEvent(new Event('change'))")
         assert begin in browser.evaluate("byId('story').textContent")
+    points = []  # that are painted in the second row of its frames
+    for method in ("genie", "local"):
+        place = [info.name for info in run.methods].index(method)
+        browser.evaluate(f"byId('method').value = {place}")
+        browser.evaluate("byId('method').dispatchEvent(new Event('change'))")
+        row = "byId('strip').getContext('2d').getImageData(115, 16, 1000, 13).data"
+        points.append(browser.evaluate(f"{row}.filter((value, i) => i % 4 === 3 && value).length"))
+    assert "does not drive" in browser.evaluate("byId('story').textContent")
+    assert points[1] < points[0] / 2, "it has no cells"
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from genie_sim.core.messages import Box, Location
-from genie_sim.data.kitti.number_files import numbers, picture_size
+from genie_sim.data.kitti.layouts import picture_size
+from genie_sim.data.kitti.number_files import numbers
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.kitti.pipeline import TYPICAL_GROUND
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence

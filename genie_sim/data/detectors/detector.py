@@ -46,7 +46,7 @@ class DetectorSettings:
     name : a detector, or ``package.module:Class``
     weights : the network's file or its folder; ``None``: the folder GENIE_SIM_WEIGHTS
     size : width and height of the network's input [pixels]; ``None``: the detector's usual one
-    min_score : the lowest score kept, in [0, 1]
+    min_score : the lowest score kept, above 0 and below 1
     providers : ONNX Runtime's execution providers, best first
     threads : of the network
     encoding : of the pictures before the detector sees them

@@ -64,11 +64,11 @@ def facts(detectors: Collection[str], drives: Collection[str]) -> dict[str, Any]
     }
 
 
-def looked_at(origin: Mapping[str, Mapping[str, Any]]) -> tuple[set[str], set[str]]:
-    """The detectors that looked at the drives of a frame source, as far as its ``provenance``
-    tells, and these drives.
+def looked_at(provenance: Mapping[str, Mapping[str, Any]]) -> tuple[set[str], set[str]]:
+    """The detectors that looked at the drives of a frame source, as far as its provenance tells,
+    and these drives.
     """
-    traces = [about for about in origin.values() if "detector" in about]
+    traces = [about for about in provenance.values() if "detector" in about]
     return (
         {str(about["detector"]) for about in traces},
         {str(about["drive"]) for about in traces if "drive" in about},

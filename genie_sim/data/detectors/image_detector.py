@@ -28,7 +28,7 @@ class ImageDetector(Protocol):
     size : tuple of int, optional
         Width and height of the network's input, in pixels; by default the network's own.
     min_score : float
-        The lowest score, from 0 to 1, of what ``detect`` returns.
+        The lowest score, above 0 and below 1, of what ``detect`` returns.
     providers, threads, classes : optional
         As in ``DetectorSettings``; given only where they are not as usual there.
     """

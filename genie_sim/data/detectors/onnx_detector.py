@@ -86,13 +86,15 @@ class OnnxDetector(ABC):
         ----------
         weights : the network's file
         size : width and height of its input [pixels]; ``None``: ``default_size``
-        min_score : the lowest score kept, in (0, 1)
+        min_score : the lowest score kept, above 0 and below 1
         providers : ONNX Runtime's execution providers, best first
         threads : of the network
         classes : the classes of labels of the network that have other names
         """
         if not 0 < min_score < 1:
-            raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
+            raise UserError(
+                f"detector {self.name}: min_score {min_score} is not above 0 and below 1"
+            )
         self.weights, self.min_score, self.threads = weights, min_score, threads
         network, self.sha256 = read_network(weights, self.input_count, self.output_count)
         self._has_gap = bool(self.gap) and add_last_activation(network.graph)

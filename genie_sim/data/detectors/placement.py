@@ -31,6 +31,7 @@ MIN_SHAPE_POINTS = 20
 NOT_ON_THE_GROUND = frozenset({"traffic light", "stop sign"})
 
 GROUND_REACH_M = 30.0  # around the car it is taken for a plane
+MIN_GROUND_POINTS = 50
 GROUND_CLEARANCE_M = 0.25  # points lower than this are road or kerb
 
 # Margin, gap and share, and the choice of a cluster by its foot on the ground, were picked by
@@ -78,7 +79,7 @@ def fit_ground(points: Array, laser_height_m: float) -> Plane | None:
     for band_m in (0.5, 0.3, 0.2, 0.15, 0.15):
         above_m = np.array([-plane.height_m, -plane.slope[0], -plane.slope[1], 1.0]) @ columns
         near = np.compress(np.abs(above_m) < band_m, columns, axis=1)
-        if near.shape[1] < 50:
+        if near.shape[1] < MIN_GROUND_POINTS:
             break
         sums = near @ near.T
         try:

@@ -22,7 +22,6 @@ from genie_sim.data.kitti.drive_name import DriveName
 from genie_sim.data.kitti.number_files import (
     are_plausible,
     numbers,
-    picture_size,
     size_of,
     unbroken_lines,
 )
@@ -34,6 +33,15 @@ CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_vel
 ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``sequences`` may be
 # The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
 WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
+# Width and height of the pictures of each of KITTI's five days, by focal length [px].
+PICTURE_SIZES = {
+    721.5377: (1242, 375),  # 2011_09_26
+    707.0493: (1224, 370),  # 2011_09_28
+    718.3351: (1238, 374),  # 2011_09_29
+    707.0912: (1226, 370),  # 2011_09_30
+    718.856: (1241, 376),  # 2011_10_03
+}
+SAME_FOCAL_PX = 0.02  # two of the days differ by 0.04
 BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 ATTRIBUTION = (
@@ -168,6 +176,12 @@ def odometry_layout(
         pose_files={},
         decisive=[calibration_file, poses],
     )
+
+
+def picture_size(focal_px: float) -> tuple[int, int] | None:
+    """Width and height of KITTI's pictures with a focal length; ``None`` where no day has it."""
+    nearest = min(PICTURE_SIZES, key=lambda focal: abs(focal - focal_px))
+    return PICTURE_SIZES[nearest] if abs(nearest - focal_px) <= SAME_FOCAL_PX else None
 
 
 def rectified_intrinsics(calibration: Any, camera: str) -> Array:

@@ -14,15 +14,6 @@ from genie_sim.base.paths import read_text
 
 MAX = 1e9  # no number in KITTI's files is larger
 MAX_SIDE_PX = 10_000  # of a picture
-# Width and height of the pictures of each of KITTI's five days, by focal length [px].
-PICTURE_SIZES = {
-    721.5377: (1242, 375),  # 2011_09_26
-    707.0493: (1224, 370),  # 2011_09_28
-    718.3351: (1238, 374),  # 2011_09_29
-    707.0912: (1226, 370),  # 2011_09_30
-    718.856: (1241, 376),  # 2011_10_03
-}
-SAME_FOCAL_PX = 0.02  # two of the days differ by 0.04
 
 
 def are_plausible(values: npt.ArrayLike) -> bool:
@@ -80,12 +71,6 @@ def size_of(rows: Mapping[str, Iterable[str | float]], name: str) -> tuple[int, 
     return (width, height) if is_size else None
 
 
-def picture_size(focal_px: float) -> tuple[int, int] | None:
-    """Width and height of KITTI's pictures with a focal length; ``None`` where no day has it."""
-    nearest = min(PICTURE_SIZES, key=lambda focal: abs(focal - focal_px))
-    return PICTURE_SIZES[nearest] if abs(nearest - focal_px) <= SAME_FOCAL_PX else None
-
-
 def matrices(
     path: Path,
     rows: Mapping[str, Iterable[str | float]],
@@ -106,7 +91,7 @@ def matrices(
                 f"{path}: {names[0]} is missing or has not {3 * columns} numbers"
             ) from error
         with np.errstate(all="ignore"):
-            singular = columns >= 3 and abs(np.linalg.det(matrix[:, :3])) < 1e-9
+            singular = abs(np.linalg.det(matrix[:, :3])) < 1e-9
         if singular or not are_plausible(matrix):
             raise UserError(f"{path}: {names[0]} is not a matrix that can be inverted")
         table.append(matrix)

@@ -42,7 +42,7 @@ class FrameSelection:
     Parameters
     ----------
     drive : such as ``2011_09_26/0005`` or ``odometry/05``
-    cameras : colour cameras of a raw drive
+    cameras : of ``layouts.CAMERAS``
     numbers : the frame numbers to look at; ``None``: all
     origin : of the world, latitude [deg], longitude [deg], altitude [m]; ``None``: the first fix
     allow_missing_scans : place by the ground alone where a frame has no scan

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import is_own
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Detection
@@ -40,17 +40,21 @@ def perceive_again(
     if not {"drive", "detector", "weights_sha256", "parameters"} <= about.keys():
         raise UserError(f"{trace.name}: was not perceived from a drive, so nothing can be checked")
     parameters = about["parameters"]
-    settings = replace(
-        detector,
-        name=detector.name if is_own(detector.name) else about["detector"],
-        size=tuple(parameters["input_size"]),
-        min_score=parameters["min_score"],
-        encoding=parameters.get("encoding", "raw"),
-        classes=parameters.get("classes", {}),
-    )
+    broken = LookupError, TypeError, ValueError
+    with as_user_error(f"{trace.name}: its provenance cannot be read", *broken):
+        width, height = map(int, parameters["input_size"])
+        cameras = [str(camera) for camera in parameters["cameras"]]
+        settings = replace(
+            detector,
+            name=detector.name if is_own(detector.name) else str(about["detector"]),
+            size=(width, height),
+            min_score=float(parameters["min_score"]),
+            encoding=parameters.get("encoding", "raw"),
+            classes=dict(parameters.get("classes", {})),
+        )
     numbers = {frame.index for frames in trace.frames.values() for frame in frames}
     selection = FrameSelection(
-        about["drive"], parameters["cameras"], numbers, trace.origin, allow_missing_scans=True
+        about["drive"], cameras, numbers, trace.origin, allow_missing_scans=True
     )
     again = perceive(kitti_root, selection, settings, progress=progress)
     for key, what in (
@@ -58,7 +62,7 @@ def perceive_again(
         ("weights_sha256", "other weights than those"),
         ("drive_sha256", "other files of the drive than those"),
     ):
-        if again.provenance[key] != about[key]:
+        if again.provenance[key] != about.get(key):
             raise UserError(f"{trace.name}: was made with {what} here ({key})")
     return again
 
@@ -108,7 +112,7 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
 
 
 def _match(detection: Detection, among: list[Detection]) -> Detection | None:
-    """The detection of the same class whose box is nearest, if it is the same object."""
+    """The detection of the same label whose box is nearest, if it is the same object."""
     if detection.box is None:
         return None
     alike = [candidate for candidate in among if candidate.label == detection.label]

@@ -61,6 +61,7 @@ def open_sequence(
     projection, rectification, velo, imu = matrices(path, named_rows(path), CALIBRATION)
     intrinsics, shift = projection[:, :3], projection[:, 3]
     camera0_SE3_velo = rigid(rectification, (0, 0, 0)) @ rigid(velo[:, :3], velo[:, 3])
+    # rotations of these files are rounded: their transposes are not quite their inverses
     imu_SE3_camera0 = np.linalg.inv(camera0_SE3_velo @ rigid(imu[:, :3], imu[:, 3]))
     if origin is None:
         latitude, longitude, altitude = oxts[0, :3].tolist()
