@@ -211,10 +211,16 @@ DIRECTIONS = (
     ),
     Direction("C13", "object reuse / image reuse (the paper: 4)", object_to_image_reuse, 1.0),
     Direction("C16", "object reuse, heterogeneous - homogeneous", faster_server("object_reuse")),
-    Direction("C18", "image reuse, remote - local", smallest_gap("image_reuse")),
+    Direction(
+        "C18", "image reuse, remote - local, smaller of he and ho", smallest_gap("image_reuse")
+    ),
     Direction("C18", "the same, pooled over Genies", smallest_gap("image_reuse_pooled")),
     Direction("C21", "image reuse, heterogeneous - homogeneous", faster_server("image_reuse")),
-    Direction("C22", "confidence boost, remote - local", smallest_gap("confidence_boost")),
+    Direction(
+        "C22",
+        "confidence boost, remote - local, smaller of he and ho",
+        smallest_gap("confidence_boost"),
+    ),
     Direction(
         "C24", "confidence boost, heterogeneous - homogeneous", faster_server("confidence_boost")
     ),

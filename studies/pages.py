@@ -146,7 +146,7 @@ def where_it_pays() -> str:
             numbers = [f"{row['best_f1']:.3f}", f"{row['genie_f1']:.3f}", gain(row)]
             prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))
             rows.append([row["condition"], best, *numbers, ", ".join(f"{p:.0%}" for p in prices)])
-    header = ["condition", "best without a Genie", "its F1", "Genie's F1", "difference", "prices"]
+    header = ["condition", "best without a Genie", "its F1", "Genie's F1", "difference", "costs"]
     return markdown_rows([header, *rows], [False, True, True, True, True])
 
 

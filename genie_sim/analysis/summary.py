@@ -27,8 +27,8 @@ from genie_sim.base.text import one_line
 from genie_sim.record.records import ZERO_DELAY
 from genie_sim.record.results import TIDY_FIELDS, MetricValue, Run
 
-# A resource is overloaded from this utilization on, if more than that share of frames is dropped.
-OVERLOADED, MANY_DROPPED = 0.95, 0.1
+# What is overloaded drops more than this share of its messages. So many are named.
+MANY_DROPPED, MAX_NAMED = 0.1, 3
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 ABOUT_ZERO_DELAY = (
     "Zero-delay detector: the detector's own answers without any delay, judged in the same way."
@@ -235,21 +235,41 @@ def about_seeds(runs: SeedRuns) -> str:
 
 
 def overload(run: Run | SeedRuns) -> str:
-    """Says which resource is overloaded under which method: it works all the time, and frames are
-    dropped; empty if none is.
+    """Says which devices and links are overloaded under which method: more comes to them than they
+    can serve, and much of it is dropped; empty if none is.
     """
-    numbers: dict[tuple[str, str], list[MetricValue]] = {}
-    for metric in run.measured:
-        if metric.metric in ("utilization", "dropped_share") and metric.value is not None:
-            numbers.setdefault((metric.metric, metric.method), []).append(metric)
+    uses = {(use.method, use.component): use for use in run.measured if use.metric == "utilization"}
     which = []
     for method in run.methods:
-        busiest = max(numbers.get(("utilization", method.name), ()), key=_use, default=None)
-        dropped = max(map(_use, numbers.get(("dropped_share", method.name), ())), default=0.0)
-        if busiest is not None and _use(busiest) >= OVERLOADED and dropped > MANY_DROPPED:
-            shares = f"busy {100 * _use(busiest):.0f} % of the time, {100 * dropped:.0f} % of the"
-            which.append(f"{busiest.component} under {method.title} ({shares} frames dropped)")
-    return f"Overloaded: {'; '.join(which)}." if which else ""
+        lost, wanted, overloaded = 0, 0, dict[str, None]()
+        for name, (dropped, served) in _messages(run, method.name).items():
+            host = name.partition("/")[0]
+            servers = [name] if "->" in name else [f"{host}.accelerator", f"{host}.cpu"]
+            known = [uses[method.name, each] for each in servers if (method.name, each) in uses]
+            server, came = max(known, key=_use, default=None), dropped + served
+            if server is None or dropped <= MANY_DROPPED * came:
+                continue
+            if _use(server) * came > served:
+                overloaded[server.component] = None
+                lost, wanted = lost + dropped, wanted + came
+        if overloaded:
+            names, more = [*overloaded][:MAX_NAMED], len(overloaded) - MAX_NAMED
+            text = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+            which.append(f"{text} under {method.title} ({100 * lost / wanted:.0f} %)")
+    return f"Overloaded (share of messages dropped): {'; '.join(which)}." if which else ""
+
+
+def _messages(run: Run | SeedRuns, method: str) -> dict[str, tuple[int, int]]:
+    """How many messages were dropped and how many served, in all seeds, where any had to wait."""
+    counts: dict[str, tuple[int, int]] = {}
+    for tables in (of_seed.tables for of_seed in run.runs):
+        if "resources" in tables:
+            for name, samples in tables["resources"].where(method=method).groups("resource"):
+                if samples["queue_max"].max():
+                    dropped, served = counts.get(name, (0, 0))
+                    dropped += int(samples["dropped"].max())
+                    counts[name] = dropped, served + int(samples["completed"].max())
+    return counts
 
 
 def no_repeats(run: Run | SeedRuns) -> str:

@@ -9,7 +9,9 @@ import pytest
 from genie_sim.analysis import metrics, renderers, screen, seed_runs, summary
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.errors import UserError
+from genie_sim.record.records import RESOURCES
 from genie_sim.record.results import MethodInfo, MetricValue, Run
+from genie_sim.record.tables import Table
 from tests import make
 from tests.make import run_of
 
@@ -264,22 +266,40 @@ def test_every_placement_method_and_component_has_its_own_number():
     assert of_lap.headings == ["", "local (L)"], "a method's lap is none of the detector's"
 
 
-def test_a_resource_that_is_overloaded_is_named_in_one_line():
-    run = [
-        MetricValue("utilization", "local", "car", "car1.accelerator", 0.99, "1"),
-        MetricValue("utilization", "local", "car", "car1.cpu", 0.5, "1"),
-        MetricValue("dropped_share", "local", "all", "", 0.4, "1"),
-        MetricValue("utilization", "remote", "edge", "edge1.accelerator", 0.99, "1"),
-        MetricValue("dropped_share", "remote", "all", "", 0.05, "1"),
-        MetricValue("utilization", "genie", "edge", "edge1.accelerator", 0.8, "1"),
-        MetricValue("dropped_share", "genie", "all", "", 0.4, "1"),
+def test_all_resources_that_are_overloaded_are_named_in_one_line():
+    """More comes to them than they can serve: neither where a short queue drops what comes at once,
+    nor where a link or a fault loses messages, nor where hardly any is dropped.
+    """
+    uses = {
+        "local": {"car1.accelerator": 0.99, "car2.accelerator": 0.98, "car1.cpu": 0.5},
+        "remote": {"edge1.accelerator": 0.91, "edge2.accelerator": 0.6, "car1->edge1": 0.5},
+        "genie": {"edge1.accelerator": 0.99, "car1.cpu": 0.1},
+    }
+    waits = {  # dropped, served, most that waited
+        "local": {"car1/detector": (60, 40, 1), "car2/detector": (50, 50, 1)},
+        "remote": {
+            "edge1/detector": (60, 40, 1),
+            "edge2/detector": (30, 70, 1),
+            "car1->edge1": (30, 70, 5),
+        },
+        "genie": {"edge1/detector": (5, 95, 1), "car1/front": (40, 0, 0)},
+    }
+    measured = [
+        MetricValue("utilization", method, "all", name, use, "1")
+        for method, of_method in uses.items()
+        for name, use in of_method.items()
     ]
-    assert summary.overload(run_of(run)) == (
-        "Overloaded: car1.accelerator under local (L) (busy 99 % of the time, 40 % of the frames "
-        "dropped)."
+    table = Table(RESOURCES)
+    for method, of_method in waits.items():
+        for name, (dropped, served, most) in of_method.items():
+            table.append((method, 1, name, "queue", None, 0, 0, served, dropped, None, 0, most))
+    run = run_of(
+        measured, tables={"frames": make.frames(2, 3).columns(), "resources": table.columns()}
     )
-    assert "Overloaded: car1.accelerator" in screen.text(run_of(run), 200)
-    assert summary.overload(run_of(run[1:])) == ""
+    named = "car1.accelerator, car2.accelerator under local (L) (55 %)"
+    assert summary.overload(run).endswith(f": {named}; edge1.accelerator under remote (R) (60 %).")
+    assert named in screen.text(run, 200)
+    assert summary.overload(run_of([], tables=run.tables)) == "" == summary.overload(run_of([]))
 
 
 def test_where_no_key_repeats_the_run_says_so_in_one_line():
