@@ -20,7 +20,7 @@ from genie_sim.analysis.result_table import Cell, ResultTable
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import OutputKind, atomic_write, usable
 from genie_sim.base.text import number_text, one_line, significant
-from genie_sim.record.results import TIDY_FIELDS
+from genie_sim.record.results import NOT_ONE_RUN, TIDY_FIELDS
 from genie_sim.record.tables import harmless
 
 if TYPE_CHECKING:
@@ -71,8 +71,8 @@ def checked(format: str) -> str:
 
 
 def write(path: Path, text: str, format: str) -> None:
-    """Writes a table. Raises ``UserError``, also where a sweep has its own table of that name."""
-    if path.exists() and (path.parent / "sweep.json").exists():
+    """Writes a table. Raises ``UserError``, also for a file that a sweep or an evaluation has."""
+    if path.exists() and any((path.parent / about).exists() for about in NOT_ONE_RUN):
         raise UserError(f"{path}: belongs to the result in that folder; say where else")
     with usable(path):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -378,6 +378,11 @@ def test_a_comparison_replaces_no_figure_of_a_result(usual: list[Run], tmp_path:
     with pytest.raises(UserError, match="a result is in that folder"):
         comparison.write(compare(usual[:1]), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [about]
+    if about != "run.json":
+        (tmp_path / "own.md").write_text("own")
+        with pytest.raises(UserError, match="say where else"):
+            renderers.write(tmp_path / "own.md", "table", "markdown")
+        assert (tmp_path / "own.md").read_text() == "own"
 
 
 @pytest.mark.slow
