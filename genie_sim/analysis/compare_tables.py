@@ -66,6 +66,9 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
 def about(comparison: ComparedRuns) -> str:
     """What the intervals are over, what is left out, and how sure all of them together are."""
     sentences = [f"{comparison.by[0].upper()}{comparison.by[1:]}."]
+    warm_ups = {run.warm_up for arm in comparison.arms for run in arm.runs.values()}
+    if warm_ups != {""} and len(warm_ups) == 1:  # others are settings that differ
+        sentences.append(f"All {warm_ups.pop()}.")
     if any(row.about.unit == "%" for row in comparison.rows if row.against):
         sentences.append(ABOUT_SHARES)
     if any(row.by == BLOCKS and row.low is not None for row in comparison.rows):

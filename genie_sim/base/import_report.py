@@ -60,7 +60,7 @@ class ImportReport:
             self.left_out[why] += count
 
     def leave_label(self, label: str, count: int = 1) -> None:
-        """An object was left out because nobody knows its label."""
+        """A detection was left out because nobody knows its label; ``check_labels`` counts it."""
         self.unused[one_line(label)[:60]] += count
 
     def check_labels(self, known: int, others: Mapping[str, int], path: object = None) -> None:

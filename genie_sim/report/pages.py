@@ -27,12 +27,11 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
     replay from ``start_ns`` on, as far as the page's size allows.
     """
     replay, note = replay_data(run, start_ns)
-    description = str(run.facts["scenario"]["description"])
     return Page(
         kind="one run",
         name=run.title,
         title=f"{run.title}, run {run.run_id}",
-        about=[*filter(None, [description]), f"{screen.header(run)}."],
+        about=_about(run),
         sections=[
             Section("In short", [template.listed(verdicts(compared([run])))]),
             Section(
@@ -57,13 +56,12 @@ def of_seeds(runs: SeedRuns, makers: Makers) -> str:
     their methods, those figures of ``makers`` that it shows, and the id of each run.
     """
     comparison, seeds = compared([runs]), seeds_text(runs.seeds)
-    description = str(runs.runs[0].facts["scenario"]["description"])
     each = [f"seed {run.seed}: run {run.run_id}" for run in runs.runs]
     return Page(
         kind="a run with several seeds",
         name=runs.title,
         title=f"{runs.title}, {seeds}",
-        about=[*filter(None, [description]), f"{screen.header(runs)}."],
+        about=_about(runs),
         sections=[
             Section("In short", [template.listed(verdicts(comparison))]),
             Section(
@@ -122,6 +120,12 @@ def of_comparison(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> st
         ],
         origin="the result folders that were given. All numbers are in table.csv beside this page.",
     ).text()
+
+
+def _about(results: "Run | SeedRuns") -> list[str]:
+    """What the scenario says of itself, and what was run."""
+    description = str(results.runs[0].facts["scenario"]["description"])
+    return [*filter(None, [description]), f"{screen.header(results)}."]
 
 
 def _differences(comparison: ComparedRuns) -> Section:

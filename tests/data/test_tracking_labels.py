@@ -83,6 +83,9 @@ def test_labels_and_detections_share_a_world(root, kind, counts):
     assert truth.moving == frozenset()
     rows = make_truth(root.parent, "tracking/0003", trace).rows
     assert [(row.label, row.visible) for row in rows] == [("car", counts)] * 3
+    path.write_text(path.read_text().replace(" 20.0 ", " 900.0 "))
+    with pytest.raises(UserError, match=f"^{path}: 3 of 3 objects are more than 250 m away"):
+        make_truth(root.parent, "tracking/0003", trace)
 
 
 @pytest.mark.parametrize(("right_m", "box"), [(0.0, (500, 100, 700, 300)), (90.0, None)])

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from genie_sim.analysis import metrics, screen, summary
+from genie_sim.analysis import compare_tables, metrics, screen, summary
+from genie_sim.analysis.compare import compare
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.base.errors import UserError
 from genie_sim.record.columns import Columns
@@ -127,6 +128,7 @@ def test_everything_says_what_is_not_counted(runs: tuple[Run, Run]):
         lambda one: one.footer,
         lambda one: pages.of_run(one, {}),
         lambda one: SeedRuns([one]).footer,
+        lambda one: compare_tables.about(compare([one])),
         lambda one: pages.of_seeds(SeedRuns([one]), {}),
     )
     for show in shown:

@@ -53,7 +53,7 @@ def best_boxes(
     boxes: np.ndarray,
     scores: np.ndarray,
     min_score: float,
-    classes: Sequence[str] = COCO_LABELS,
+    names: Sequence[str] = COCO_LABELS,
     *,
     unused: Counter[str] | None = None,
 ) -> list[DetectedBox]:
@@ -69,7 +69,7 @@ def best_boxes(
     boxes : left, top, right and bottom of each [pixels], (n, 4)
     scores : of each box and class, (n, classes)
     min_score : the lowest score kept
-    classes : the names of the columns of ``scores``
+    names : of the columns of ``scores``, a class each
     unused : counts the boxes of labels that are neither of a road nor COCO's
     """
     if not len(scores):
@@ -78,7 +78,7 @@ def best_boxes(
     # what half precision puts above 1 (``SCORE_SLACK``) is a score.
     best = np.minimum(scores.max(axis=1).round(SCORE_DECIMALS), 1.0)
     likely = np.flatnonzero((best >= min_score) & np.isfinite(boxes).all(axis=1))
-    labels = [classes[number] for number in scores[likely].argmax(axis=1)]
+    labels = [names[number] for number in scores[likely].argmax(axis=1)]
     if unused is not None:
         unused.update(label for label in labels if label not in QUIET_LABELS)
     candidates = [

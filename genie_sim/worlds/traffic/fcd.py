@@ -32,6 +32,7 @@ from genie_sim.worlds.traffic.fcd_checks import compare_ways, tell, time_text
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
 MAX_TURN_DEG = 3600.0
+VALUES = ("x", "y", "angle", "speed")  # of a road user in a step
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
 
 
@@ -59,8 +60,8 @@ class VehicleRows(NamedTuple):
 
 @dataclass
 class _Step:
-    """A time step: the numbers of the road users that are there, and x, y, angle and speed of each,
-    one after the other; ``where`` begins errors.
+    """A time step: the numbers of the road users that are there, and the ``VALUES`` of each, one
+    after the other; ``where`` begins errors.
     """
 
     where: str
@@ -224,7 +225,7 @@ def read_fcd(
         report.choose("begin", begins[0], begins, "perception.begin")
     counts = [len(step.vehicles) for step in steps]
     numbers = np.concatenate([step.vehicles for step in steps]).astype(np.int64)
-    values = np.concatenate([step.values for step in steps]).reshape(-1, 4)
+    values = np.concatenate([step.values for step in steps]).reshape(-1, len(VALUES))
     step_of = np.repeat(np.arange(len(steps)), counts)
     if len(steps) > 1 and steps[-1].time_s >= begin_s + duration_s:
         # The last step tells where vehicles go that were there before; others come too late.
