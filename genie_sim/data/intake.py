@@ -174,7 +174,7 @@ def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
 def write_told(path: Path, trace: Trace) -> str:
     """Writes a trace; returns a line about it."""
     write_trace(path, trace)
-    frames = [frame for sequence in trace.frames.values() for frame in sequence]
+    frames = trace.by_picture.values()
     detections = sum(len(frame.detections) for frame in frames)
     return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
 

@@ -111,6 +111,11 @@ class Trace(Drive):
     provenance: Mapping[str, Any]
     sequence: str | None = None
 
+    @property
+    def by_picture(self) -> dict[tuple[str, int], TraceFrame]:
+        """The frames by camera and number."""
+        return {(name, frame.index): frame for name in self.frames for frame in self.frames[name]}
+
     @functools.cached_property
     def digest(self) -> str:
         """The sha256 of what the trace shows, computed when it is asked for."""
@@ -291,7 +296,7 @@ def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[Trace
                 )
             if not 0 <= detection.score <= 1:
                 raise UserError(
-                    f"{where}: a {detection.label} of score {detection.score:g}; must be from 0 "
+                    f"{where}: a {detection.label} of score {detection.score!r}; must be from 0 "
                     "to 1"
                 )
         earlier.append(frame)
