@@ -10,6 +10,8 @@ from genie_sim.base.text import one_line
 # C++ libraries raise an exception of their own, whose text alone tells.
 LOW_MEMORY_WORDS = ("bad_alloc", "Insufficient memory", "allocate memory")
 
+MAX_CHOICES = 60  # named in an error: more than any list of genie-sim has, fewer than a file may
+
 
 class UserError(Exception):
     """One clear line naming file, field, value and choices. ``genie-sim`` prints it and exits with
@@ -99,12 +101,15 @@ def tells_of_low_memory(error: BaseException) -> bool:
 
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
-    """``unknown eviction 'lruu' (did you mean 'lru'?); known: fifo, lfu, lru, ttl``."""
+    """``unknown eviction 'lruu' (did you mean 'lru'?); known: fifo, lfu, lru, ttl``; of more than
+    ``MAX_CHOICES`` the first, and how many more there are.
+    """
     import difflib
 
     names = [one_line(choice) for choice in sorted(choices)]
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
+    more = f" and {len(names) - MAX_CHOICES:,} more" if len(names) > MAX_CHOICES else ""
     return f"unknown {what} {short_repr(value)}{hint}; " + (
-        f"known: {', '.join(names)}" if names else "there are none"
+        f"known: {', '.join(names[:MAX_CHOICES])}{more}" if names else "there are none"
     )

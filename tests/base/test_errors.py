@@ -58,3 +58,4 @@ def test_a_choice_that_is_nearly_the_value_is_offered():
     )
     assert unknown("link", "xyz", ["wifi", "lte"]) == "unknown link 'xyz'; known: lte, wifi"
     assert unknown("link", "xyz", []) == "unknown link 'xyz'; there are none"
+    assert unknown("vehicle", "x", map(str, range(100, 170))).endswith(", 158, 159 and 10 more")

@@ -37,12 +37,13 @@ INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
 
 
 class VehicleRows(NamedTuple):
-    """What a file says of its vehicles between two times, in the order of the file.
+    """What a file says of its vehicles between two times, in the order of the file. A *vehicle* of
+    these columns is any road user, persons on foot, too; where they do not count it is said.
 
     ``times_s`` are the steps (n,) and ``step``, ``vehicle``, ``x_m``, ``y_m``, ``angle_deg`` have
-    one value for each vehicle and step: the front bumper, and the heading clockwise from north.
-    ``ids`` and ``types`` are those of the vehicles, and of persons on foot, whose place is their
-    middle. ``begin_s`` is when the simulation begins, ``report`` tells what was read.
+    one value for each vehicle and step: the front bumper, of a person the middle, and the heading
+    clockwise from north. ``ids``, ``types`` and ``is_person`` have one for each vehicle.
+    ``begin_s`` is when the simulation begins, ``report`` tells what was read.
     """
 
     begin_s: float
@@ -61,13 +62,14 @@ class VehicleRows(NamedTuple):
 @dataclass
 class _Step:
     """A time step: the numbers of the road users that are there, and the ``VALUES`` of each, one
-    after the other; ``where`` begins errors.
+    after the other; how many of them are ``vehicles``, not persons. ``where`` begins errors.
     """
 
     where: str
     time_s: float
-    vehicles: "array[int]" = field(default_factory=lambda: array("q"))
+    numbers: "array[int]" = field(default_factory=lambda: array("q"))
     values: "array[float]" = field(default_factory=lambda: array("d"))
+    vehicles: int = 0
     invalid: int = 0
 
 
@@ -110,8 +112,6 @@ class _Reader:
             return UserError(f"{text}; SUMO's --fcd-output NAME.xml is")
         except UserError as error:
             return error
-        if not chunk:
-            self._end()
         return None
 
     @property
@@ -127,6 +127,7 @@ class _Reader:
         if name != "fcd-export":
             raise self.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
         self._parser.StartElementHandler = self._element
+        self._parser.EndElementHandler = self._end
 
     def _element(self, name: str, attributes: dict[str, str]) -> None:
         if name == "vehicle":
@@ -141,15 +142,17 @@ class _Reader:
 
     def _begin(self, time_s: float) -> None:
         """A time step begins."""
-        self._end()
+        if self._step is not None:
+            raise self.error("timestep: is within another")
         self._step = _Step(self.where, time_s)
         self.first_s = min(self.first_s, time_s)
         self._there.clear()
 
-    def _end(self) -> None:
-        """The time step is over."""
-        if self._step is not None:
+    def _end(self, name: str) -> None:
+        """An element is over, such as the time step."""
+        if name == "timestep" and self._step is not None:
             self._finished.append(self._step)
+            self._step = None
 
     def _add(self, attributes: Mapping[str, str], is_person: bool) -> None:
         """A road user of this step, by its attributes."""
@@ -174,7 +177,8 @@ class _Reader:
         elif number in self._there:
             raise self.error(f"{what}: id {short_repr(name)} is twice in one time step")
         self._there.add(number)
-        self._step.vehicles.append(number)
+        self._step.numbers.append(number)
+        self._step.vehicles += not is_person
         self._step.values.extend((x_m, y_m, angle_deg, _speed(attributes.get("speed", "nan"))))
 
     def _number(self, attributes: Mapping[str, str], what: str, name: str, most: float) -> float:
@@ -220,11 +224,11 @@ def read_fcd(
         steps = _wanted(reader, in_file, begin_s, duration_s)
     report = ImportReport(path, accept, "perception.accept: true")
     if begin_s is None:
-        begin_s = next(step.time_s for step in steps if step.vehicles)
+        begin_s = steps[0].time_s
         begins = list(dict.fromkeys(map(time_text, (begin_s, reader.first_s))))
         report.choose("begin", begins[0], begins, "perception.begin")
-    counts = [len(step.vehicles) for step in steps]
-    numbers = np.concatenate([step.vehicles for step in steps]).astype(np.int64)
+    counts = [len(step.numbers) for step in steps]
+    numbers = np.concatenate([step.numbers for step in steps]).astype(np.int64)
     values = np.concatenate([step.values for step in steps]).reshape(-1, len(VALUES))
     step_of = np.repeat(np.arange(len(steps)), counts)
     if len(steps) > 1 and steps[-1].time_s >= begin_s + duration_s:
@@ -265,7 +269,7 @@ def _wanted(
     where the vehicles go that were there before. Raises UserError if there is no vehicle.
     """
     wanted: list[_Step] = []
-    earlier_s, count = -math.inf, 0
+    earlier_s, vehicles, rows = -math.inf, 0, 0
     for step in steps:
         if step.time_s <= earlier_s:
             raise UserError(
@@ -273,24 +277,25 @@ def _wanted(
             )
         earlier_s = step.time_s
         if begin_s is None or (wanted and step.time_s <= begin_s):
-            wanted, count = [], 0
+            wanted, vehicles, rows = [], 0, 0
         is_over = False
         if begin_s is not None:
             end_s = begin_s + duration_s
             is_over = step.time_s >= end_s
-            if is_over and step.vehicles and not count:
+            if is_over and step.vehicles and not vehicles:
                 span = f"from {time_text(begin_s)} to {time_text(end_s)}"
                 raise UserError(
                     f"{reader.path}: has no vehicles {span}; the first one comes at "
                     f"{time_text(step.time_s)}: set 'begin' or 'duration'"
                 )
         wanted.append(step)
-        if is_over and count:
+        if is_over and vehicles:
             break
-        count += len(step.vehicles)
-        if begin_s is None and count:
+        vehicles += step.vehicles
+        rows += len(step.numbers)
+        if begin_s is None and vehicles:
             begin_s = step.time_s
-        if count > MAX_ROWS:
+        if rows > MAX_ROWS:
             raise UserError(
                 f"{step.where}: more than {MAX_ROWS:,} vehicles and steps; shorten 'duration'"
             )
@@ -302,7 +307,7 @@ def _wanted(
             f"{reader.path}: begin: {time_text(begin_s)} is after the last time step, "
             f"{time_text(last_s)}"
         )
-    if not count:
+    if not vehicles:
         from_s = reader.first_s if begin_s is None else begin_s
         raise UserError(f"{reader.path}: has no vehicles from {time_text(from_s)} on")
     return wanted

@@ -42,11 +42,12 @@ def tell(rows: "VehicleRows", duration_s: float) -> None:
 
 
 def compare_ways(rows: "VehicleRows", speeds_mps: Array) -> None:
-    """Holds angles and speeds against the ways from one step to the next, for the report. Raises
-    UserError where they do not fit.
+    """Holds angles and speeds against the ways from one step to the next, for the report; persons
+    do not count. Raises UserError where they do not fit.
     """
     report = rows.report
-    order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
+    order = np.flatnonzero(~np.array(rows.is_person)[rows.vehicle])[:SPEEDS]
+    order = order[np.lexsort((rows.step[order], rows.vehicle[order]))]
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
     same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
     usual = np.median(apart[same_vehicle]) if same_vehicle.any() else 1
@@ -60,13 +61,11 @@ def compare_ways(rows: "VehicleRows", speeds_mps: Array) -> None:
         return
     passed_s = np.diff(t_s)[pairs]
     steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
-    drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
-    angle_deg = rows.angle_deg[order][1:][pairs][drives]
     report.check_heading(
         "vehicles: angle",
-        angle_deg,
-        steps_m=steps_m[drives],
-        passed_s=passed_s[drives],
+        rows.angle_deg[order][1:][pairs],
+        steps_m=steps_m,
+        passed_s=passed_s,
         from_north=True,
     )
     way_m = np.hypot(*steps_m.T)

@@ -95,7 +95,7 @@ class Traffic(Scene):
         return {
             "file": self.path.name,
             "content_sha256": self._content,
-            "vehicles": len(vehicles) - sum(vehicles.is_person),
+            "vehicles": len(vehicles.carriers),
             "teleports": int(vehicles.jumps.sum()),
             "vehicles_that_teleport": int((vehicles.jumps > 0).sum()),
             "import": self.report.facts(),
@@ -141,7 +141,7 @@ class TrafficDrives(SceneDrives):
         super().__init__(traffic, settings)
         vehicles = traffic.vehicles
         self.extent_m = vehicles.extent_m
-        numbers = [number for number in range(len(vehicles)) if not vehicles.is_person[number]]
+        numbers = vehicles.carriers.tolist()
         self._ids = [vehicles.ids[number] for number in numbers]
         self._names = car_names(traffic.path, self._ids)
         # of each car that is there long enough: its course, and when it begins and ends
@@ -163,7 +163,7 @@ class TrafficDrives(SceneDrives):
         if not starts_ns:
             raise UserError(
                 f"{self.scene.path}: perception.equipped: none of {len(self._ids):,} vehicles is "
-                f"equipped and there for {SHORTEST_S:g} s; raise the share or 'duration'"
+                f"equipped and there for {SHORTEST_S:g} s; see 'equipped', 'begin' and 'duration'"
             )
         left_out = len(equipped) - len(starts_ns)
         if left_out:
@@ -176,7 +176,9 @@ class TrafficDrives(SceneDrives):
         return starts_ns
 
     def _equipped(self) -> list[str]:
-        """The names of the equipped vehicles, in the order in which they appear."""
+        """The names of the equipped vehicles: as they are listed, or of a share in the order in
+        which they appear.
+        """
         equipped, ids = self.settings.equipped, self._ids
         if isinstance(equipped, tuple):
             numbers = {vehicle: number for number, vehicle in enumerate(ids)}

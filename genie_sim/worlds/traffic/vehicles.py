@@ -45,17 +45,20 @@ def _types_by_name(
 
 
 class _Links(NamedTuple):
-    """Which sighting follows which, as columns (sightings,). Of a vehicle with a stretch of the
-    sightings 0, 1 and 2 and, after a gap, one of sighting 3 alone:
+    """Which sighting follows which, as columns (sightings,).
 
-    ============ ===== ===== ===== ===== ====================================================
+    From each sighting on a vehicle drives to its next. The last of a stretch has no next, but the
+    vehicle is still there at that instant, and moves as just before: it drives from the sighting
+    before the last. Of a vehicle with a stretch of the sightings 0, 1 and 2 and, after a gap, one
+    of sighting 3 alone, which stands:
+
+    ============ ===== ===== ===== ===== ================================
     sighting     0     1     2     3
-    ============ ===== ===== ===== ===== ====================================================
-    ``begin``    0     1     1     3     from that time on it drives from this one
-    ``end``      1     2     2     3     to this: at the end of a stretch as just before it
-    ``until``    1     2     2     3     and is there until the time of this one
+    ============ ===== ===== ===== ===== ================================
+    ``begin``    0     1     1     3     where it drives from
+    ``end``      1     2     2     3     where to, and until when
     ``is_first`` true  false false true  whether it begins a stretch
-    ============ ===== ===== ===== ===== ====================================================
+    ============ ===== ===== ===== ===== ================================
 
     ``jumps`` are the sightings that are reached by a jump, ``longest_m`` is the longest way from
     one to the next.
@@ -63,7 +66,6 @@ class _Links(NamedTuple):
 
     begin: Ints
     end: Ints
-    until: Ints
     is_first: Flags
     jumps: Ints
     longest_m: float
@@ -78,11 +80,9 @@ def _links(vehicle: Ints, step: Ints, way_m: Array, passed_s: Array) -> _Links:
     goes_on = same_vehicle & ~is_jump & (np.diff(step) == 1)
     has_next, has_previous = np.append(goes_on, False), np.append(False, goes_on)
     number = np.arange(len(vehicle))
-    begin = number - (~has_next & has_previous)
     return _Links(
-        begin=begin,
-        end=begin + (has_next | has_previous),
-        until=number + has_next,
+        begin=number - (~has_next & has_previous),
+        end=number + has_next,
         is_first=~has_previous,
         jumps=np.flatnonzero(is_jump) + 1,
         longest_m=float(way_m.max(where=goes_on, initial=0.0)),
@@ -97,8 +97,9 @@ class Vehicles:
     ``widths_m``, ``heights_m`` have one value for each. A *sighting* is one vehicle at one step, a
     row of the file: they are ordered by vehicle and then by time, and ``vehicle`` (sightings,) says
     whose each is. From one a vehicle goes straight to its next, unless that comes after a gap or a
-    jump; a *stretch* are the sightings from one such break to the next. ``jumps`` counts the jumps
-    of each vehicle (teleports): where it went on elsewhere than it could have driven.
+    jump; a *stretch* are the sightings from one such break to the next. ``carriers`` are the
+    vehicles that are no persons and may carry cameras; ``jumps`` counts the jumps of each of these
+    (teleports): where it went on elsewhere than it could have driven.
     """
 
     def __init__(self, rows: VehicleRows, own_types: Mapping[str, VehicleType]) -> None:
@@ -125,13 +126,12 @@ class Vehicles:
         self._north_m = rows.y_m[order] - half_m * np.sin(self._heading_rad)
         way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
         links = _links(self.vehicle, self._step, way_m, np.diff(self.times_s[self._step]))
-        self._links, self._until_s = links, self.times_of(links.until)
-        self.jumps = np.bincount(self.vehicle[links.jumps], minlength=len(self.ids))
+        self._links, self._until_s = links, self.times_of(links.end)
+        self.carriers: Ints = np.flatnonzero(~np.array(rows.is_person))
+        jumps = np.bincount(self.vehicle[links.jumps], minlength=len(self.ids))
+        self.jumps: Ints = jumps[self.carriers]
         self._in_order_of_steps: Ints = np.argsort(self._step, kind="stable")
         self._at_step = functools.lru_cache(KEPT_STEPS)(self._tree_of_step)
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
     @property
     def extent_m(self) -> Area:

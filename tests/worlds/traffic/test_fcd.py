@@ -10,6 +10,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.worlds.traffic.fcd import read_fcd
 from tests.worlds.traffic.fcd_files import fcd_text, write_fcd
 
+PERSON = '<person id="p" x="0" y="2" angle="0"/></timestep>'  # at the end of a step
+
 # Vehicle a is there at all steps, b leaves, c appears.
 STEPS = [
     (10.0, {"a": (0.0, 1.0, 90.0), "b": (7.0, 8.0, 0.0)}),
@@ -47,8 +49,9 @@ def test_nothing_is_read_beyond_what_is_wanted(tmp_path):
     text = fcd_text(STEPS).replace('<timestep time="12.00">', "<broken")
     (tmp_path / "a.xml").write_text(text)
     assert len(read_fcd(tmp_path / "a.xml", None, 1.0).times_s) == 3
+    assert len(read_fcd(tmp_path / "a.xml", None, 1.5).times_s) == 4, "up to the step before"
     with pytest.raises(UserError, match=r"not XML: .* line 18"):
-        read_fcd(tmp_path / "a.xml", None, 1.5)
+        read_fcd(tmp_path / "a.xml", None, 1.6)
 
 
 def test_persons_on_foot_are_read_and_riders_are_not(tmp_path):
@@ -89,7 +92,7 @@ def driven(
     [
         (driven(1e-5), "vehicles: nothing moves faster than 0.0001 m/s: are places in degrees"),
         (driven(1e-3, 'speed="10"'), "go 0.001 times as far as their speeds say"),
-        (driven(30), "39 of 39 steps are faster than 100 m/s"),
+        (driven(30).replace("</timestep>", PERSON), "39 of 39 steps are faster than 100 m/s"),
         (driven(step_s=20.0), "steps: a row every 20 s; in between vehicles drive straight"),
         (driven(angle=1.5708), "vehicles: angle fits the way driven as radians"),
         (
@@ -141,9 +144,11 @@ def test_the_mark_of_no_place_is_counted_and_passed_over(tmp_path):
 
 
 def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
+    """Persons, who are there before, are none."""
     empty = [(36000.02 + k, {}) for k in range(20)]
     there = [(36020.04, {"a": (0, 0, 0)}), (36021.04, {"a": (1, 0, 0)})]
-    path = write_fcd(tmp_path / "a.xml", [*empty, *there])
+    path = tmp_path / "a.xml"
+    path.write_text(fcd_text([*empty, *there]).replace("</timestep>", PERSON))
     rows = read_fcd(path, None, 5.0)
     assert rows.times_s.tolist() == [36020.04, 36021.04]
     assert rows.report.chosen == ["begin: 36020.04 s, not 36000.02 s (perception.begin)"]
@@ -166,6 +171,7 @@ def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
         (' time="10.50"', "", "line 6: timestep: attribute 'time'"),
         ('time="10.50"', 'time="10.00"', "line 6: timestep: time "),
         ('time="10.50"', 'time="inf"', "line 6: timestep: time: "),
+        ("</timestep>", "", "line 6: timestep: "),
         (' x="5.0"', "", "line 7: vehicle 'a': attribute 'x'"),
         (' angle="359.0"', "", "line 8: vehicle 'b': attribute 'angle'"),
         ('id="a" x="5.0"', 'x="5.0"', "line 7: vehicle: attribute 'id'"),

@@ -130,6 +130,13 @@ def test_the_truth_is_that_of_the_instant(fcd):
 
 
 def test_teleports_are_told_and_recorded(fcd, caplog):
+    """Those of vehicles: the person who also jumps is none."""
+    before, step, after = Path(fcd).read_text().partition('<timestep time="102.00">')
+    parts = [
+        part.replace("</timestep>", f'<person id="p" x="{x_m}" y="90"/></timestep>')
+        for part, x_m in ((before, 0.0), (after, 900.0))
+    ]
+    Path(fcd).write_text(step.join(parts))
     with caplog.at_level(logging.WARNING):
         prepared = prepare(scenario(fcd))
     assert "1 of 5 vehicles teleport, 1 times in all" in caplog.text
@@ -220,6 +227,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
         ({"equipped": []}, "perception.equipped: must not be empty"),
         ({"equipped": ["a", "a"]}, "perception.equipped: names a vehicle twice"),
         ({"equipped": 1e-9}, "perception.equipped: none of 5 vehicles is equipped"),
+        ({"begin": "104 s", "equipped": ["a"]}, "perception.equipped: none of 3 .*'begin'"),
         ({"equipped": "all"}, "perception.equipped: must be a number or a list"),
         (
             {"types": {"bus": {"label": "plane"}}},
