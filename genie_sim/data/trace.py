@@ -154,7 +154,7 @@ class Trace(Drive):
 
 
 def rounded(numbers: Iterable[float], decimals: int) -> tuple[Any, ...]:
-    """As a trace keeps them."""
+    """As a trace keeps them; numpy rounds otherwise where two numbers are as near."""
     return tuple(round(float(x), decimals) for x in numbers)
 
 
@@ -291,8 +291,8 @@ def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[Trace
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
             if not (in_range(numbers) and all(isinstance(text, str) for text in texts)):
                 raise UserError(
-                    f"{where}: a detection has label and method {texts}, and score, box and place "
-                    f"{numbers}: must be texts, and numbers in range"
+                    f"{where}: a detection has label and placed_by {texts}, and score, box and "
+                    f"place {numbers}: must be texts, and numbers in range"
                 )
             if not 0 <= detection.score <= 1:
                 raise UserError(
