@@ -23,9 +23,10 @@ class Trace:
     """A trace of three frames."""
 
     digest = "0123456789abcdef"
-    frames = {  # noqa: RUF012 - never changed
-        "02": [SimpleNamespace(detections=(1, 2)), SimpleNamespace(detections=())],
-        "03": [SimpleNamespace(detections=(3,))],
+    by_picture = {  # noqa: RUF012 - never changed
+        ("02", 0): SimpleNamespace(detections=(1, 2)),
+        ("02", 1): SimpleNamespace(detections=()),
+        ("03", 0): SimpleNamespace(detections=(3,)),
     }
 
 
