@@ -321,7 +321,10 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
         cells_of(table.replace({"rate": {0.5: "0.1"}}), ["rate"], methods, **about)
     again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
     half = Cells({cell: runs for cell, runs in again.cells.items() if cell == "rate 0.5"})
-    assert compare([sweep, half]).left_out == "Only settings that all results have: 1."
+    assert (
+        compare([sweep, half], labels=["a", "b"]).left_out
+        == "Only settings that all results have: 1."
+    )
     made = compare([sweep, again], labels=["a", "b"])
     rows = {one.arm.label: one.difference for one in made.rows if one.against}
     assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4
