@@ -22,21 +22,29 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.view import ViewSector
-from genie_sim.data import trace as trace_file
-from genie_sim.data import truth as truth_file
 from genie_sim.data.reader_frames import COUNTED
 from genie_sim.data.trace import (
     POSITION_DECIMALS,
     RANGE_M,
     Trace,
     TraceFrame,
+    check_replaceable,
     checked,
     feature_facts,
     rounded,
     rounded_pose,
     write_trace,
 )
-from genie_sim.data.truth import TruthObject, TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.truth import (
+    TruthObject,
+    TruthRow,
+    TruthTable,
+    check_range,
+    check_rows,
+    check_truth_replaceable,
+    path_beside,
+    write_truth,
+)
 
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
 NEAREST_M = 0.5  # what is nearer is the car itself
@@ -125,7 +133,7 @@ def traces(
         _check_ways(named, by_car[car], first_ns, report)
     _check_detections(by_car, report, range_m, detected_in)
     if truth:
-        truth_file.check_range(report.path, range_m)
+        check_range(report.path, range_m)
         _check_truth([*chain(*objects.values())], report, range_m, truth_in)
     import_facts = {"import": report.facts()}
     imported = {}
@@ -155,9 +163,9 @@ def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
     """
     paths = {car: Path(out) / f"{car}.parquet" for car in cars}
     for car, path in paths.items():
-        trace_file.check_replaceable(path)
+        check_replaceable(path)
         beside = path_beside(path)
-        truth_file.check_replaceable(beside)
+        check_truth_replaceable(beside)
         if cars[car].truth is None and beside.exists():
             raise UserError(f"{beside}: is of another import; take it away, or give --truth")
     lines = []
@@ -174,7 +182,7 @@ def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
 def write_told(path: Path, trace: Trace) -> str:
     """Writes a trace; returns a line about it."""
     write_trace(path, trace)
-    frames = [frame for sequence in trace.frames.values() for frame in sequence]
+    frames = trace.by_picture.values()
     detections = sum(len(frame.detections) for frame in frames)
     return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
 
@@ -334,7 +342,7 @@ def _check_truth(
     truth_in: Path | None,
 ) -> None:
     """Raises UserError for objects of no class, at no place, or none of them near a car."""
-    truth_file.check_rows(truth_in or report.path, [row for _, row in objects])
+    check_rows(truth_in or report.path, [row for _, row in objects])
     if not any(row.visible for _, row in objects):
         report.warn("no object of the truth is ever visible")
     away_m = (math.dist(row.location[:2], frame.pose[:2]) for frame, row in objects)

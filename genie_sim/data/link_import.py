@@ -70,7 +70,9 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
     where, (times_s, *values) = _read(table, [TIME, *given])
     for place, (before_s, time_s) in zip(where[1:], pairwise(times_s), strict=True):
         if time_s <= before_s:
-            raise UserError(f"{place}: time_s: must be more than {before_s:g}, not {time_s:g}")
+            raise UserError(
+                f"{place}: time_s: must be more than {before_s:.15g}, not {time_s:.15g}"
+            )
     columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
     for column, numbers in zip(given, values, strict=True):
         name, factor = CSV[column]
@@ -122,8 +124,8 @@ def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Col
     if not possible.all():
         packet = int(possible.argmin())
         raise UserError(
-            f"{path}: packet {packet + 1}: {times_ms[packet]:g} ms must be a whole number from "
-            f"{before_ms[packet]:g}, the time before, to {MAX_BINS * BIN_MS:g}"
+            f"{path}: packet {packet + 1}: {times_ms[packet]:.15g} ms must be a whole number from "
+            f"{before_ms[packet]:.15g}, the time before, to {MAX_BINS * BIN_MS:,}"
         )
     end_ms = float(times_ms[-1])
     if end_ms == 0:

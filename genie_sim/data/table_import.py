@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import combinations, pairwise
+from itertools import chain, combinations, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, Union
 
@@ -202,10 +202,11 @@ def cars_of_tables(
     there = {}
     if "truth" in tables:
         tracks = _read_truth(tables["truth"], by_car, classes, report)
+        of_all = [*chain(*tracks.values())]  # a car may see nothing of it
         for car, rows in by_car.items():
             times_s = np.array([row.time_s for row in rows])
+            check_covered(car, times_s, of_all, report=report, path=tables["truth"].path)
             of_car = tracks.get(None, tracks.get(car, []))
-            check_covered(car, times_s, of_car, report=report, path=tables["truth"].path)
             there[car] = in_view(frames[car], times_s, of_car, sensor.range_m)
     return traces(
         frames,

@@ -111,6 +111,11 @@ class Trace(Drive):
     provenance: Mapping[str, Any]
     sequence: str | None = None
 
+    @property
+    def by_picture(self) -> dict[tuple[str, int], TraceFrame]:
+        """The frames by camera and number."""
+        return {(name, frame.index): frame for name in self.frames for frame in self.frames[name]}
+
     @functools.cached_property
     def digest(self) -> str:
         """The sha256 of what the trace shows, computed when it is asked for."""
@@ -149,7 +154,7 @@ class Trace(Drive):
 
 
 def rounded(numbers: Iterable[float], decimals: int) -> tuple[Any, ...]:
-    """As a trace keeps them."""
+    """As a trace keeps them; numpy rounds otherwise where two numbers are as near."""
     return tuple(round(float(x), decimals) for x in numbers)
 
 
@@ -286,12 +291,12 @@ def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[Trace
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
             if not (in_range(numbers) and all(isinstance(text, str) for text in texts)):
                 raise UserError(
-                    f"{where}: a detection has label and method {texts}, and score, box and place "
-                    f"{numbers}: must be texts, and numbers in range"
+                    f"{where}: a detection has label and placed_by {texts}, and score, box and "
+                    f"place {numbers}: must be texts, and numbers in range"
                 )
             if not 0 <= detection.score <= 1:
                 raise UserError(
-                    f"{where}: a {detection.label} of score {detection.score:g}; must be from 0 "
+                    f"{where}: a {detection.label} of score {detection.score!r}; must be from 0 "
                     "to 1"
                 )
         earlier.append(frame)

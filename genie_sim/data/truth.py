@@ -169,7 +169,7 @@ def _key(frame: Any) -> tuple[str, int]:
     return frame.camera, frame.index
 
 
-def check_replaceable(path: Path) -> None:
+def check_truth_replaceable(path: Path) -> None:
     """Raises ``UserError`` where a table may not be written: what is there is none."""
     world_table.check_replaceable(path, METADATA)
 

@@ -5,13 +5,14 @@ them, whether it moved, and what of that a car's frames could see.
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.geometry import Array
 from genie_sim.base.import_report import ImportReport
+from genie_sim.base.spans import Flags, Ints
 from genie_sim.core.view import ViewSector
 from genie_sim.data.intake import BEYOND_M, SAME_TIME_S
 from genie_sim.data.trace import POSITION_DECIMALS, TraceFrame, rounded_pose
@@ -19,7 +20,6 @@ from genie_sim.data.truth import TruthObject
 
 GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 MOVING_OVER_S = 1.0  # the time over which a speed is computed
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class ObjectRow(NamedTuple):
@@ -45,7 +45,7 @@ class Sightings(NamedTuple):
 
     there: Flags
     place: Array
-    row: np.ndarray[Any, np.dtype[np.int64]]
+    row: Ints
 
 
 class TruthTrack:

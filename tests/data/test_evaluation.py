@@ -164,7 +164,10 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
     (folder / "tracklet_labels.xml").write_text(
         f"<b><tracklets><item>{item}</item></tracklets></b>"
     )
-    frames = tuple(replace(frame(index=i), width=640, height=192) for i in range(3))
+    frames = tuple(
+        replace(frame(index=i), width=640, height=192, pose=CameraPose(i, 0.0, 0.0, 0.0))
+        for i in range(3)
+    )
     trace = Trace("made up", (49.0112, 8.4228, 112.8), {"02": frames}, {})
     truth = read_labels(tmp_path, f"{DATE}/0005", trace)
     for index in range(3):
@@ -175,6 +178,8 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
         assert one.centre == pytest.approx((20.0, 0.0, -0.75), abs=0.02)
         assert one.counts
     assert truth.moving == frozenset()
+    with pytest.raises(UserError, match=f"{DATE}/0005 is not the drive of this trace"):
+        read_labels(tmp_path, f"{DATE}/0005", replace(trace, origin=(49.0, 8.4, 112.8)))
 
 
 def test_labels_of_another_drive_are_refused(kitti_root):

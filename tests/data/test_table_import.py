@@ -211,14 +211,13 @@ def test_what_the_table_says_of_moving_and_visible_holds(tables):
         "car,time_s,object,label,east_m,north_m,moving,visible\n"
         "a,1000,o,car,10,25,true,\na,1000.1,o,car,10,25,FALSE,0\na,1000.2,o,car,10,25,,1\n"
     )
-    poses = "".join(line for line in POSES.splitlines(True) if not line.startswith("b"))
-    detections = "".join(line for line in DETECTIONS.splitlines(True) if not line.startswith("b"))
-    (car,) = tables(poses, detections, truth).values()
-    assert [(row.moving, row.visible) for row in car.truth.rows] == [
+    cars = tables(truth=truth)
+    assert [(row.moving, row.visible) for row in cars["a"].truth.rows] == [
         (True, True),
         (False, False),
         (False, True),
     ]
+    assert cars["b"].truth.rows == (), "which sees nothing"
 
 
 @pytest.mark.parametrize(

@@ -190,7 +190,7 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
         ((trace_frame(stamp_ns=-1),), "stamp_ns"),
         ((trace_frame(width=0),), "width"),
         ((trace_frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
-        (with_car(score=1.2), "a car of score 1.2; must be from 0 to 1"),
+        (with_car(score=1.0000001), "a car of score 1.0000001; must be from 0 to 1"),
         (with_car(box=(0.0, 0.0, math.inf, 1.0)), "must be texts, and numbers in range"),
         (with_car(location=(1e308, 0.0, 0.0)), "must be texts, and numbers in range"),
         (with_car(score=None), "must be texts, and numbers in range"),

@@ -160,7 +160,7 @@ def test_scores_rise_with_the_logit_and_stay_in_0_to_1(root):
         ("detections/rrc_Car/0003.txt", "0,1,1,9,9,7.5\n", "score 7.5"),
         ("training/oxts/0003.txt", "", "empty"),
         ("training/oxts/0003.txt", "1 2 3\n", "line 1"),
-        ("training/oxts/0003.txt", OXTS + "\n91.0" + OXTS[4:], "packet 2: value 1"),
+        ("training/oxts/0003.txt", OXTS + "\n90.0000001" + OXTS[4:], "value 1 is 90.0000001"),
         ("training/oxts/0003.txt", OXTS + "\n1e308 " + OXTS[5:], "line 2"),
         ("training/calib/0003.txt", CALIBRATION.replace("172.854", "1e308"), "inverted"),
         ("training/calib/0003.txt", CALIBRATION.replace("P2", "P9"), "P2"),

@@ -120,13 +120,12 @@ def iou(box: Box, boxes: Array) -> Array:
 
 def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
     detections = [
-        (detection, detection.box, (camera, frame.index), frame.pose)
-        for camera, frames in trace.frames.items()
-        for frame in frames
+        (detection, detection.box, picture, frame.pose)
+        for picture, frame in trace.by_picture.items()
         for detection in frame.detections
         if detection.label in GROUPS[group]
         and detection.box is not None
-        and (camera, frame.index) in truth.pictures
+        and picture in truth.pictures
     ]
     detections.sort(key=lambda item: -item[0].score)
     matched: set[tuple[tuple[str, int], int]] = set()

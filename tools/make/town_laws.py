@@ -115,7 +115,7 @@ def compared_frames(trace: Trace) -> str:
     towns = [Town(TownRules(), seed) for seed in range(6)]
     drives = [town.drive(f"car{k}", 40 * NS_PER_S) for town in towns for k in range(40)]
     made = [frame for drive in drives for frame in drive.frames["02"][::50]]
-    real = [frame for frames in trace.frames.values() for frame in frames]
+    real = [*trace.by_picture.values()]
     text = [
         "| detections | trace, a frame | town, a frame | number | range | score |",
         "|---|---|---|---|---|---|",

@@ -118,7 +118,17 @@ class NanodetM(OnnxDetector):
         return np.hstack([centre - distances[:, :2], centre + distances[:, 2:]]), scores
 
 
-class Yolov8(OnnxDetector):
+class RedGreenBlue(OnnxDetector):
+    """Networks that want red, green and blue from 0 to 1, in the size they were exported with."""
+
+    default_size = None
+    strides = (8, 16, 32)
+
+    def normalized(self, colours: np.ndarray) -> np.ndarray:
+        return colours[:, ::-1] / 255
+
+
+class Yolov8(RedGreenBlue):
     """Any detection network exported as Ultralytics' YOLOv8 to YOLO12 are: one output (4 + classes,
     boxes), no suppression.
 
@@ -128,12 +138,6 @@ class Yolov8(OnnxDetector):
 
     name = "yolov8"
     file_name = "yolov8.onnx"
-    default_size = None
-    strides = (8, 16, 32)
-
-    def normalized(self, colours: np.ndarray) -> np.ndarray:
-        """Red, green and blue from 0 to 1."""
-        return colours[:, ::-1] / 255
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(4 + len(self.labels), len(self.cells))]
@@ -147,7 +151,7 @@ class Yolov8(OnnxDetector):
         return _corners(output), output[:, 4:]
 
 
-class Yolov10(Yolov8):
+class Yolov10(RedGreenBlue):
     """Networks that give their best boxes themselves: YOLOv10, and exports of Ultralytics with
     suppression inside (``nms=True``). One output (boxes, 6): left, top, right, bottom in pixels of
     the network's picture, score, class.
@@ -197,7 +201,7 @@ class SizedRtDetr(Yolov10):
         return np.column_stack([boxes, scores, classes]).astype(np.float64)
 
 
-class RtDetr(Yolov8):
+class RtDetr(RedGreenBlue):
     """RT-DETR as Ultralytics exports it: one output (queries, 4 + classes), places as shares of the
     network's picture. Pictures are put into a letter box, not stretched.
     """
@@ -215,7 +219,7 @@ class RtDetr(Yolov8):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent as shares, then the score of each class."""
         output = outputs[0].astype(np.float64)
-        return _corners(output[:, :4] * np.array([*self.size, *self.size])), output[:, 4:]
+        return _corners(output[:, :4] * np.tile(self.size, 2)), output[:, 4:]
 
 
 def _corners(boxes: np.ndarray) -> np.ndarray:

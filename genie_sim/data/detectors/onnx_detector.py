@@ -228,7 +228,7 @@ class OnnxDetector(ABC):
         """Road users and furniture in a picture of (height, width), best score first."""
         boxes, scores = self._decoded(outputs)
         likely = boxes[scores.max(axis=1, initial=0.0) >= self.min_score]
-        if is_share(likely):
+        if is_share(likely):  # before the scale, which makes more than two pixels of a share
             raise UserError(f"{self.weights}: {SHARES}")
         limits = np.array([shape[1], shape[0]] * 2, dtype=np.float64)
         unused: Counter[str] = Counter()

@@ -155,14 +155,14 @@ class Placement:
                         float(ahead[1]) * math.hypot(x, z) / math.hypot(ahead[0], ahead[2]),
                         z,
                     ), "scan"
-            surface_m, method = surface(ranges_m[cluster]), "scan"
+            surface_m, placed_by = surface(ranges_m[cluster]), "scan"
         elif ground_m is not None and ground_m <= MAX_GROUND_RANGE_M:
-            surface_m, method = ground_m, "ground"
+            surface_m, placed_by = ground_m, "ground"
         else:
             return None, "none"
         centre = ahead * (surface_m + HALF_DEPTH_M[label]) / math.hypot(ahead[0], ahead[2])
         x, y, z = centre.tolist()
-        return (x, y, z), method
+        return (x, y, z), placed_by
 
     def _inside(self, box: Box) -> Indices:
         """The points in the inner part of a box."""

@@ -54,10 +54,7 @@ def read_labels(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
     name = DriveName.parse(drive)
     in_sequence = name.part == TRACKING
     pictures: dict[PictureKey, list[ObjectLabel]] = {
-        (camera, frame.index): []
-        for camera in trace.frames
-        for frame in trace.frames[camera]
-        if camera == CAMERA or not in_sequence
+        picture: [] for picture in trace.by_picture if picture[0] == CAMERA or not in_sequence
     }
     labels_of = labels_of_sequence if in_sequence else labels_of_drive
     path = label_file(Path(root), name)
@@ -90,16 +87,12 @@ def _moving(pictures: Mapping[PictureKey, list[ObjectLabel]], trace: Trace) -> f
     """The tracks that got away from where they were first labelled faster than ``MOVING_MPS``, over
     all their time.
     """
-    stamps_ns = {
-        (camera, frame.index): frame.stamp_ns
-        for camera in trace.frames
-        for frame in trace.frames[camera]
-    }
+    frames = trace.by_picture
     tracks: dict[int, dict[int, Location]] = {}
     for picture, labels in pictures.items():
         for label in labels:
             if label.centre is not None:
-                tracks.setdefault(label.track, {})[stamps_ns[picture]] = label.centre
+                tracks.setdefault(label.track, {})[frames[picture].stamp_ns] = label.centre
     return frozenset(track for track, places in tracks.items() if _speed_mps(places) > MOVING_MPS)
 
 
@@ -120,9 +113,7 @@ def make_truth(
     """
     truth = read_labels(root, drive, trace)
     report = report or ImportReport(root)
-    frames = {
-        (camera, frame.index): frame for camera in trace.frames for frame in trace.frames[camera]
-    }
+    frames = trace.by_picture
     rows, distances_m = [], []
     for picture, labels in sorted(truth.pictures.items()):
         frame = frames[picture]
@@ -151,11 +142,12 @@ def make_truth(
         "drive": str(truth.drive),
         "labels": truth.source,
         "labels_sha256": sha256_of(truth.path),
+        "trace": trace.name,
     }
     return TruthTable(
         trace.digest,
         trace.origin,
         tuple(rows),
-        {**provenance, "trace": trace.name},
+        provenance,
         cameras=tuple(labelled) if len(labelled) < len(trace.frames) else None,
     )

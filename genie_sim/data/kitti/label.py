@@ -6,11 +6,14 @@ found or not, and so are trams, ``Misc`` and the areas that KITTI calls ``DontCa
 no such areas.
 """
 
+import math
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Box, Location
-from genie_sim.data.trace import MIN_HEIGHT_PX
+from genie_sim.data.trace import MIN_HEIGHT_PX, TraceFrame
 
 # KITTI's types by what a detector can tell apart
 GROUP_OF = {
@@ -27,7 +30,11 @@ GROUP_OF = {
 }
 IGNORED = frozenset({"Tram", "Misc"})  # a vehicle found there is neither right nor wrong
 
+# A trace's camera this near to a drive's, at the same frame, has recorded the same drive.
+SAME_PLACE_M = 1.0
+
 PictureKey = tuple[str, int]  # camera and frame number
+Poses = Mapping[int, Array]  # of a camera in the world, (4, 4), by frame number
 
 
 class ObjectLabel(NamedTuple):
@@ -42,6 +49,19 @@ class ObjectLabel(NamedTuple):
     counts: bool
     centre: Location | None
     is_area: bool = False
+
+
+def check_drive(where: str, frames: Iterable[TraceFrame], world_SE3_cameras: Poses) -> None:
+    """Raises UserError, beginning with ``where``, for a frame of a trace where the drive's camera
+    has no frame of its number, or was elsewhere.
+    """
+    for frame in frames:
+        pose = world_SE3_cameras.get(frame.index)
+        if pose is None or math.dist(frame.pose[:3], pose[:3, 3].tolist()) > SAME_PLACE_M:
+            raise UserError(
+                f"{where} is not the drive of this trace: has no frame {frame.index} of camera "
+                f"{frame.camera} at its place"
+            )
 
 
 def object_label(

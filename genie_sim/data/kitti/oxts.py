@@ -30,7 +30,7 @@ def read_oxts(path: Path) -> Array:
     if len(wrong):
         packet, value = wrong[0]
         raise UserError(
-            f"{path}: packet {packet + 1}: value {value + 1} is {packets[packet, value]:g}, "
+            f"{path}: packet {packet + 1}: value {value + 1} is {packets[packet, value]:.15g}, "
             "out of range"
         )
     return packets

@@ -35,9 +35,8 @@ def trace_frames(
 ) -> Iterator[TraceFrame]:
     """The frames for a trace, in order, with KITTI's stamps.
 
-    Networks look at several pictures at once, on up to ``MAX_WORKERS``
-    processors; a detector of the
-    user's own looks at one after the other.
+    Networks look at several pictures at once, on up to ``MAX_WORKERS`` processors; a detector of
+    the user's own looks at one after the other.
 
     Parameters
     ----------

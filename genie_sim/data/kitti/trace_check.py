@@ -52,7 +52,7 @@ def perceive_again(
             encoding=parameters.get("encoding", "raw"),
             classes=dict(parameters.get("classes", {})),
         )
-    numbers = {frame.index for frames in trace.frames.values() for frame in frames}
+    numbers = {number for _, number in trace.by_picture}
     selection = FrameSelection(
         about["drive"], cameras, numbers, trace.origin, allow_missing_scans=True
     )
@@ -78,15 +78,10 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
         if here[name] != there.get(name)
     ]
     yield f"versions: {'; '.join(changed) or 'the same'}"
-    detections = {
-        (camera, frame.index): frame.detections
-        for camera, frames in again.frames.items()
-        for frame in frames
-    }
+    frames = again.by_picture
     pairs = [
-        (frame.detections, detections[camera, frame.index])
-        for camera, frames in trace.frames.items()
-        for frame in frames
+        (frame.detections, frames[picture].detections)
+        for picture, frame in trace.by_picture.items()
     ]
     equal_frames = sum(before == after for before, after in pairs)
     yield f"frames: {equal_frames:,} of {len(pairs):,} have the same detections"

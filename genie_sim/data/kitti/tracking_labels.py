@@ -1,20 +1,15 @@
 """The labels of KITTI's tracking benchmark (``label_02``), in the pictures of a trace."""
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.geometry import transform
-from genie_sim.core.messages import Location
 from genie_sim.data.kitti.drive_name import TRACKING, DriveName
-from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey, check_drive, object_label
 from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence
 from genie_sim.data.trace import Trace
-
-# A trace's camera this near to a sequence's, at the same frame, has recorded the same drive.
-SAME_PLACE_M = 1.0
 
 
 def labels_of_sequence(
@@ -29,25 +24,12 @@ def labels_of_sequence(
     if frames is None:
         cameras = ", ".join(trace.frames)
         raise UserError(f"{training}: labels are those of camera {CAMERA}, the trace has {cameras}")
-    for frame in frames:
-        if not _is_at(drive, frame.index, frame.pose[:3]):
-            raise UserError(
-                f"{training}: sequence {name.number} is not the drive of this trace "
-                f"(frame {frame.index})"
-            )
+    poses = {index: drive.world_SE3_camera2(index) for index in range(len(drive.world_SE3_camera0))}
+    check_drive(f"{training}: sequence {name.number}", frames, poses)
     indices = {frame.index for frame in frames}
-    return (
-        ((CAMERA, frame), label)
-        for frame, label in tracking_labels(path, drive)
-        if frame in indices
-    )
-
-
-def _is_at(drive: TrackingSequence, frame: int, place: Location) -> bool:
-    """Whether the camera of a sequence is at a place when a frame is taken."""
-    if frame >= len(drive.world_SE3_camera0):
-        return False
-    return math.dist(place, drive.world_SE3_camera2(frame)[:3, 3].tolist()) <= SAME_PLACE_M
+    for index, label in tracking_labels(path, drive):
+        if index in indices:
+            yield (CAMERA, index), label
 
 
 def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel]]:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.errors import as_user_error
 from genie_sim.base.geometry import Array, project, rotation_from_rpy, transform
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Box
 from genie_sim.data.kitti.drive import open_drive
 from genie_sim.data.kitti.drive_name import DriveName
-from genie_sim.data.kitti.label import ObjectLabel, PictureKey, object_label
+from genie_sim.data.kitti.label import ObjectLabel, PictureKey, check_drive, object_label
 from genie_sim.data.kitti.number_files import are_plausible
 from genie_sim.data.trace import Trace
 
@@ -81,7 +81,9 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 def labels_of_drive(
     root: Path, name: DriveName, path: Path, trace: Trace
 ) -> Iterator[tuple[PictureKey, ObjectLabel]]:
-    """The labels in a file of tracklets for the pictures of a trace of the drive of this name."""
+    """The labels in a file of tracklets for the pictures of a trace of the same drive. Raises
+    UserError where it is another.
+    """
     objects = tracklets(path)
     drive = open_drive(
         root, str(name), sorted(trace.frames), origin=trace.origin, allow_missing_scans=True
@@ -89,11 +91,9 @@ def labels_of_drive(
     for camera, frames in trace.frames.items():
         frames_by_index = {frame.index: frame for frame in drive.frames[camera]}
         camera_SE3_velo = drive.camera_SE3_velo(camera)
+        poses = {index: frame.world_SE3_camera for index, frame in frames_by_index.items()}
+        check_drive(f"{root}: drive {name}", frames, poses)
         for frame in frames:
-            if frame.index not in frames_by_index:
-                raise UserError(
-                    f"{root}: drive {name}: has no frame {frame.index} of camera {camera}"
-                )
             size = (frame.width, frame.height)
             picture = frames_by_index[frame.index]
             picture.check_size(size)

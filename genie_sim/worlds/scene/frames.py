@@ -5,7 +5,7 @@ finds of what is in view.
 import functools
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
@@ -15,7 +15,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.frame_source import Drive
-from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
+from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS, rounded
 from genie_sim.worlds.scene.detector import DetectedObjects
 from genie_sim.worlds.scene.keys import frame_key, named_key
 from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, SceneObject
@@ -118,15 +118,15 @@ class FrameBatch:
         keys = [frame_key(drive.key, camera, at_ns) for at_ns in scene_ns]
         # As columns: of every car of a fleet some batch is in memory at any time.
         self._poses = ViewPoses(
-            east_m=_rounded(motions.east_m - left_m * motions.sin, POSITION_DECIMALS),
-            north_m=_rounded(motions.north_m + left_m * motions.cos, POSITION_DECIMALS),
+            east_m=np.array(rounded(motions.east_m - left_m * motions.sin, POSITION_DECIMALS)),
+            north_m=np.array(rounded(motions.north_m + left_m * motions.cos, POSITION_DECIMALS)),
             cos=motions.cos,
             sin=motions.sin,
             t_s=t_s,
             key=np.array(keys, dtype=np.uint64),
         )
         headings_rad = [math.remainder(rad, math.tau) for rad in motions.heading_rad.tolist()]
-        self._headings_rad = _rounded(headings_rad, ANGLE_DECIMALS)
+        self._headings_rad = np.array(rounded(headings_rad, ANGLE_DECIMALS))
 
     def key(self, slot: int) -> int:
         """Bits of one of the frames alone."""
@@ -155,11 +155,6 @@ class FrameBatch:
         """What is really in view in one of the frames."""
         span = slice(*self._visible.slot.searchsorted((slot, slot + 1)))
         return tuple(self.drive.scene.truth(self._visible.only(span)))
-
-
-def _rounded(values: Iterable[float], decimals: int) -> Array:
-    """As in a trace; numpy's own rounding is another one where two numbers are as near."""
-    return np.array([round(float(value), decimals) for value in values])
 
 
 class SceneFrame:

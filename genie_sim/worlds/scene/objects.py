@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from genie_sim.base.classes import SIZES, class_of
 from genie_sim.base.geometry import Array
-from genie_sim.base.spans import Ints
+from genie_sim.base.spans import Flags, Ints
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
 from genie_sim.worlds.scene import keys
@@ -17,7 +17,6 @@ from genie_sim.worlds.scene.laws import Copula, FittedLaws
 from genie_sim.worlds.scene.noise import normals
 
 Bits = npt.NDArray[np.uint64]
-Flags = npt.NDArray[np.bool_]
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR
 # 2013).

@@ -8,11 +8,11 @@ import numpy as np
 
 from genie_sim.base.geometry import Array
 from genie_sim.base.seeds import stream
-from genie_sim.base.spans import Ints
+from genie_sim.base.spans import Flags, Ints
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.keys import named_key
 from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
-from genie_sim.worlds.scene.objects import FARTHEST_M, Flags, ObjectColumns, SceneObject
+from genie_sim.worlds.scene.objects import FARTHEST_M, ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import FEATURES
 from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, VisibleObjects
 

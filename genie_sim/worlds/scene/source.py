@@ -9,10 +9,11 @@ import numpy as np
 from genie_sim.base.geometry import Array
 from genie_sim.base.marks import POSITIVE
 from genie_sim.base.setting_errors import SettingError
+from genie_sim.base.spans import Flags
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text
 from genie_sim.data.frame_source import Drives, FrameSource
 from genie_sim.worlds.scene.frames import SceneDrive, SceneFrame
-from genie_sim.worlds.scene.objects import Flags, SceneObject
+from genie_sim.worlds.scene.objects import SceneObject
 from genie_sim.worlds.scene.scene import Scene
 
 MAX_FRAMES = 100_000_000  # of a camera

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from genie_sim.base.geometry import Array
-from genie_sim.base.spans import Ints
-from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, Bits, Flags, ObjectColumns
+from genie_sim.base.spans import Flags, Ints
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, Bits, ObjectColumns
 
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
 HALF_C, HALF_S = math.cos(HORIZONTAL_FOV_RAD / 2), math.sin(HORIZONTAL_FOV_RAD / 2)

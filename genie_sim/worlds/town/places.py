@@ -20,8 +20,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from genie_sim.base.geometry import Array
-from genie_sim.base.spans import Ints
-from genie_sim.worlds.scene.objects import Flags, ObjectColumns
+from genie_sim.base.spans import Flags, Ints
+from genie_sim.worlds.scene.objects import ObjectColumns
 from genie_sim.worlds.scene.view import (
     HALF_C,
     PlacedObjects,

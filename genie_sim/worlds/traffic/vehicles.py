@@ -13,9 +13,8 @@ from genie_sim.base.classes import SIZES
 from genie_sim.base.errors import short_repr, unknown
 from genie_sim.base.geometry import Array
 from genie_sim.base.grid import Area, widened
-from genie_sim.base.spans import Ints
+from genie_sim.base.spans import Flags, Ints
 from genie_sim.worlds.scene.frames import Motions
-from genie_sim.worlds.scene.objects import Flags
 from genie_sim.worlds.scene.view import near_pairs
 from genie_sim.worlds.traffic.fcd import VehicleRows
 from genie_sim.worlds.traffic.fcd_checks import JUMP_MPS

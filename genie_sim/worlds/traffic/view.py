@@ -4,9 +4,9 @@ import numpy as np
 
 from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.geometry import Array
-from genie_sim.base.spans import Ints, rows_of_spans
+from genie_sim.base.spans import Flags, Ints, rows_of_spans
 from genie_sim.worlds.scene.frames import CAMERA_UP_M, Motions
-from genie_sim.worlds.scene.objects import LONGEST_M, Flags, ObjectColumns
+from genie_sim.worlds.scene.objects import LONGEST_M, ObjectColumns
 from genie_sim.worlds.scene.view import (
     HALF_C,
     HALF_S,

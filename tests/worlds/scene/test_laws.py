@@ -268,7 +268,7 @@ def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frame
 
     The trace is one street with one cyclist ahead all the way; a town has more variety than that.
     """
-    real_frames = [frame for frames in trace.frames.values() for frame in frames]
+    real_frames = [*trace.by_picture.values()]
     for labels, margin in ((VEHICLES, 0.2), (PERSONS, 0.3)):
         real, from_town = _numbers(real_frames, labels), _numbers(town_frames, labels)
         print(
@@ -284,7 +284,7 @@ def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town
     """Of all detections of vehicles: Kolmogorov-Smirnov distance of ranges up to 0.12, of scores up
     to 0.2.
     """
-    real_frames = [frame for frames in trace.frames.values() for frame in frames]
+    real_frames = [*trace.by_picture.values()]
     samples = []
     for frames in (real_frames, town_frames):
         found = [

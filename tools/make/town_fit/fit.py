@@ -50,9 +50,7 @@ class Look(NamedTuple):
 def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[str, list[Look]]:
     """Every labelled object in every picture that counts, by group."""
     evaluation = evaluate(trace, truth, min_score)
-    frames = {
-        (camera, frame.index): frame for camera in trace.frames for frame in trace.frames[camera]
-    }
+    frames = trace.by_picture
     gone_m = _gone_m(trace)
     rows: dict[str, list[Look]] = {}
     for name, group in evaluation.groups.items():
