@@ -270,7 +270,7 @@ def _common(results: Mapping[str, Cells]) -> tuple[list[Setting], str]:
         for name, by_seed in zip(results, runs, strict=True):
             settings.append(Setting(name, cell, {seed: by_seed[seed] for seed in seeds}))
     if any(len(of) > len(cells) for of in results.values()):
-        left_out[f"Only the {len(cells)} settings that all results have."] = None
+        left_out[f"Only settings that all results have: {len(cells)}."] = None
     return settings, " ".join(left_out)
 
 
@@ -313,12 +313,13 @@ def _rows(metrics: Sequence[str], arms: Sequence[Arm]) -> Iterator[Difference]:
             about = definition(metric, arm.words)
             against = _best(about, ours, {other: of_metric[other] for other in arm.against})
             theirs = of_metric[against] if against is not None else {}
-            seeds = [seed for seed in ours if seed in theirs] or [*ours]
+            common = [seed for seed in ours if seed in theirs]
+            seeds = common or [*ours]
             if not seeds:
                 continue
             mean = float(np.mean([ours[seed][0] for seed in seeds]))
             row = Difference(metric, arm, mean, about, against=against)
-            if against is not None and theirs.keys() >= {*seeds}:
+            if against is not None and common:
                 mean = float(np.mean([theirs[seed][0] for seed in seeds]))
                 row = row._replace(against_value=mean, difference=row.value - mean)
                 if len(arm.runs) == 1:

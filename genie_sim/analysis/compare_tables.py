@@ -57,7 +57,7 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
                 unit=row.about.unit_in_files,
                 low=row.low,
                 high=row.high,
-                n=row.n,
+                n=row.n or None,
             )
             against = row.against.label
             yield (arm.setting, *number.of_seed(arm.seed), against, row.by, row.verdict)

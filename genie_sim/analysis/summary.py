@@ -61,6 +61,11 @@ NOTES = (
         "from its end to the first half second with 95 % of the share of fresh results before it.",
     ),
     (
+        ["image_reuse", "image_reuse_own", "object_reuse"],
+        "A range of reuse: the lowest and the highest running ratio of any Genie; of several seeds "
+        "the means of both.",
+    ),
+    (
         ["improvement_first_answer"],
         "Improvement: 1 - mean of the method / mean of the baseline.",
     ),
@@ -78,7 +83,7 @@ NO_TRUTH = (
 )
 ABOUT_INTERVALS = (
     "In brackets: the 95 % interval inside this run (blocks of one second; other seeds and drives "
-    "may differ by more). A range of reuse: the lowest and the highest running ratio of any Genie."
+    "may differ by more)."
 )
 ABOUT_MAIN = ": response times, correctness and cost"
 IN_ONE_RUN = "In brackets: 95 % intervals inside the run, over blocks of one second."
@@ -400,6 +405,7 @@ def tables(run: Run | SeedRuns) -> Iterator[ResultTable]:
         if "energy_per_frame" in shown_names:
             notes += prices.unknown_powers(run.runs)
         if "utilization" in shown_names and numbers.less_busy:
-            notes.append(f"{numbers.less_busy} less busy ones are in metrics.json.")
+            where = "metrics.json of each run" if isinstance(run, SeedRuns) else "metrics.json"
+            notes.append(f"Less busy ones, in {where}: {numbers.less_busy}.")
         if rows and title:
             yield replace(numbers.table(rows, title), notes=notes)

@@ -8,6 +8,7 @@ import numpy as np
 
 from genie_sim.analysis.registry import METRICS, component_title
 from genie_sim.analysis.result_table import ResultTable
+from genie_sim.analysis.seed_runs import seeds_text
 from genie_sim.analysis.statistics import has_interval
 from genie_sim.paper import claims, printed
 from genie_sim.paper.checks import ALL
@@ -39,11 +40,11 @@ ACCURACY = (
 def page(reproduction: "Reproduction", figures: "Mapping[str, Figure]") -> str:
     """The page about an evaluation, with its figures."""
     about, rows, evidence = reproduction.about, reproduction.rows, Evidence(reproduction.numbers)
-    seeds = len(about["seeds"])
+    seeds = seeds_text(about["seeds"])
     return Page(
         kind="an evaluation",
         name=TITLE,
-        about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
+        about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds}."],
         sections=[
             Section(
                 "What of the paper holds",

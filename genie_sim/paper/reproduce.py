@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import registry, renderers
 from genie_sim.analysis.registry import definition
+from genie_sim.analysis.seed_runs import seeds_text
 from genie_sim.analysis.tidy import across_seeds, cells_of
 from genie_sim.base.errors import Suggesting, UserError
 from genie_sim.base.parallel import workers_here
@@ -80,7 +81,7 @@ class Reproduction(Suggesting, Result):
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
-        return f"<Reproduction of the paper, {len(self.about['seeds'])} seeds, {where}>"
+        return f"<Reproduction of the paper, {seeds_text(self.about['seeds'])}, {where}>"
 
     @cached_property
     def metrics(self) -> "pd.DataFrame":

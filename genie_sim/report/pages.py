@@ -44,7 +44,7 @@ def of_run(run: "Run", makers: Makers, start_ns: int = 0) -> str:
             Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
             Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),
         ],
-        notes=[*filter(None, [note, summary.about_laws(run)])],
+        notes=[*filter(None, [note]), *_laws(run)],
         origin=f"run {run.run_id}. In its folder, versions, digests and the sources of the traces "
         "are in run.json, the numbers also in metrics.json and summary.md.",
         replay=replay,
@@ -75,6 +75,7 @@ def of_seeds(runs: SeedRuns, makers: Makers) -> str:
             _differences(comparison),
             Section("Each run", [template.listed(each)]),
         ],
+        notes=_laws(runs),
         origin="its runs. In the folder of the results, each is in a folder of 'runs', and the "
         "numbers are also in summary.md and table.csv.",
     ).text()
@@ -120,6 +121,11 @@ def of_comparison(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> st
         ],
         origin="the result folders that were given. All numbers are in table.csv beside this page.",
     ).text()
+
+
+def _laws(results: "Run | SeedRuns") -> list[str]:
+    """What the detector's laws rest on, where that does not stand below the main table."""
+    return [*{summary.about_laws(results)}.difference(["", *summary.findings(results)])]
 
 
 def _about(results: "Run | SeedRuns") -> list[str]:

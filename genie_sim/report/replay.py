@@ -12,7 +12,8 @@ and confidences are whole numbers of cm, mrad and 1/10,000 (e4). A name ends wit
 unknown or never; a frame's id is its place among those of all streams::
 
     begin_us, end_us    the stretch that is shown; instants count from the start of the run
-    cars                name, edge, cameras (whether it has any)
+    cars                name, edges (each with the instant in us from which on the car is linked to
+                        it), cameras (whether it has any)
     edges               names
     names               all texts of all columns
     parts               the title of each part of the time
@@ -38,7 +39,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis import style
-from genie_sim.base.units import NS_PER_S
+from genie_sim.base.units import NS_PER_S, duration_ns
 from genie_sim.record.columns import NO_TEXT, Codes, Columns, Text
 from genie_sim.record.records import COALESCED, HIT, MISS
 
@@ -103,6 +104,11 @@ def replay_data(run: "Run", start_ns: int) -> tuple[dict[str, Any] | None, str]:
             "Everything else covers the whole run. Another stretch: "
             "genie-sim report DIR --start '60 s'"
         )
+    hand_overs: dict[str, list[tuple[int, str]]] = {}
+    for fault in scenario.get("faults", []):
+        if fault["fault"] == "hand_over":
+            linked_ns = duration_ns(fault["begin"]) + duration_ns(fault["gap"])
+            hand_overs.setdefault(fault["target"], []).append((linked_ns // US, fault["edge"]))
     names = Codes()
     poses = poses.rows((poses["stamp_ns"] >= begin_ns) & (poses["stamp_ns"] < end_ns))
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
@@ -110,7 +116,11 @@ def replay_data(run: "Run", start_ns: int) -> tuple[dict[str, Any] | None, str]:
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
         "cars": [
-            {"name": car["name"], "edge": car["edge"], "cameras": bool(car["cameras"])}
+            {
+                "name": car["name"],
+                "edges": [(0, car["edge"]), *sorted(hand_overs.get(car["name"], []))],
+                "cameras": bool(car["cameras"]),
+            }
             for car in scenario["cars"]
         ],
         "edges": [edge["name"] for edge in scenario["edges"]],

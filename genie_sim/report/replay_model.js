@@ -102,6 +102,11 @@ export function rowOf(columns, row) {
   return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, column[row]]));
 }
 
+// The edge to which a car is linked at `t`: a hand-over changes it.
+export function edgeAt(car, t) {
+  return car.edges.findLast(([from_us]) => from_us <= t)[1];
+}
+
 // The index of the last value that is not above `x`, or -1.
 export function lastUpTo(values, x) {
   let low = 0,

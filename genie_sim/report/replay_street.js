@@ -1,7 +1,7 @@
 // The street from above at one instant of simulated time, under one method.
 
 import { cleared, drawHeld, drawLabel, drawLine, drawOutcome, drawRing } from "./replay_canvas.js";
-import { carAt, heldObjectsAt, heldText, isDriven, isFalse, lastUpTo, latestFrame, outcomeOf } from "./replay_model.js";
+import { carAt, edgeAt, heldObjectsAt, heldText, isDriven, isFalse, lastUpTo, latestFrame, outcomeOf } from "./replay_model.js";
 
 const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
 const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
@@ -224,7 +224,10 @@ export class Street {
   drawLookups(hold_us, width) {
     const { run, pen, look, places, now } = this,
       { lookups, images, image_t_us } = this.method;
-    for (const car of run.cars) if (places[car.edge]) drawLine(pen, places[car.name], places[car.edge], look.line, 1);
+    for (const car of run.cars) {
+      const edge = places[edgeAt(car, now)];
+      if (edge) drawLine(pen, places[car.name], edge, look.line, 1);
+    }
     for (let i = lastUpTo(image_t_us, now - hold_us) + 1; i < images.length && image_t_us[i] <= now; i += 1) {
       const row = images[i],
         outcome = lookups.outcome[row],
@@ -234,7 +237,8 @@ export class Street {
         car = run.cars.find(({ name }) => name === camera.car);
       if (!place || !car) continue;
       if (lookups.neighbour[row]) {
-        if (car.edge && outcome === "hit") drawLine(pen, places[car.edge], place, look[outcome], 2, left);
+        const edge = places[edgeAt(car, image_t_us[i])];
+        if (edge && outcome === "hit") drawLine(pen, edge, place, look[outcome], 2, left);
       } else if (lookups.edge[row]) {
         drawLine(pen, places[car.name], place, look[outcome], 2.5, left);
         Object.assign(pen, { globalAlpha: left, fillStyle: look[outcome] });

@@ -320,6 +320,11 @@ def test_cells_of_a_sweep_are_compared_alone_and_with_those_of_another():
     with pytest.raises(UserError, match=r"two settings are called 'rate 0\.1'"):
         cells_of(table.replace({"rate": {0.5: "0.1"}}), ["rate"], methods, **about)
     again = Cells(cells_of(table.assign(value=table["value"] / 2), ["rate"], methods, **about))
+    half = Cells({cell: runs for cell, runs in again.cells.items() if cell == "rate 0.5"})
+    assert (
+        compare([sweep, half], labels=["a", "b"]).left_out
+        == "Only settings that all results have: 1."
+    )
     made = compare([sweep, again], labels=["a", "b"])
     rows = {one.arm.label: one.difference for one in made.rows if one.against}
     assert rows["b, rate 0.5: genie"] == pytest.approx(-0.375) and len(rows) == 4
@@ -346,6 +351,8 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
         if one.difference is not None
     ]
     assert {one["seed"] for one in rows} == {str(next(iter(made.arms[0].runs)))}
+    without_interval = [one["n"] for one in pairs if not one["by"]]
+    assert without_interval and not any(without_interval), "not known, and not zero"
     assert compare_tables.text(made).count("\n") == sum(bool(one.against) for one in made.rows) + 2
     latex = compare_tables.text(made, "latex")
     gap = next(row for row in made.rows if row.metric == "first_answer_mean" and row.against)

@@ -178,7 +178,11 @@ def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
     text = summary.markdown(run_of(found, seed=4))
     assert text.startswith("# street_3car_hetero\n\nRun `0123456789ab`, seed 4.\n")
     assert "95 % interval inside this run" in text
-    assert "the lowest and the highest running ratio of any Genie" in " ".join(text.split())
+    for which in (
+        text,
+        summary.markdown(seed_runs.SeedRuns([run_of(found, seed=s) for s in (1, 2)])),
+    ):
+        assert "the lowest and the highest running ratio of any Genie" in " ".join(which.split())
     mean = next(
         metric
         for metric in found
@@ -204,7 +208,9 @@ def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
     text = markdown(run)
     assert "edge59.accelerator" in text and "edge10.accelerator" not in text
     # 61, without 12 shown and one that idles
-    assert "48 less busy ones are in metrics.json." in text
+    assert "Less busy ones, in metrics.json: 48." in text
+    several = summary.markdown(seed_runs.SeedRuns([run_of(run, seed=1), run_of(run, seed=2)]))
+    assert "Less busy ones, in metrics.json of each run: 48." in several
 
 
 def test_improvements_name_the_baseline_and_genies_their_place():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib import resources
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from genie_sim.analysis import screen, summary
+from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.summary import about_boxes, about_laws
 from genie_sim.base import files
 from genie_sim.data.detectors.detector_laws import facts, laws_of
@@ -87,7 +89,12 @@ def test_one_line_says_what_they_rest_on(detector: str, drive: str, text: str):
 def test_a_run_says_so_in_its_results():
     run = run_in_memory(load_scenario("street_1car_homo", [WINDOW, "methods=[local]"]))
     said = "Laws of yolox_nano: measured on this drive alone"
-    assert said in summary.markdown(run) and said in pages.of_run(run, {})
+    assert said in summary.markdown(run)
+    laws = {"detector": "yolox_nano", "measured_on": [], "is_known": False}
+    unknown = replace(run, facts=run.facts | {"laws": laws})
+    for one in (run, unknown):
+        for page in (pages.of_run(one, {}), pages.of_seeds(SeedRuns([one]), {})):
+            assert page.count("Laws of yolox_nano: measured") == 1
     assert "Laws of" not in screen.text(run)
 
 

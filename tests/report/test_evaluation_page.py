@@ -50,6 +50,8 @@ def rewritten(path: Path, change) -> None:
 
 
 def test_every_claim_is_there_with_what_was_found_and_judged(page):
+    assert "Full evaluation: seeds 1 to 10." in page
+    assert "paper, seeds 1 to 10, " in repr(Reproduction.read(PAPER))
     for row in ROWS:
         shown = page.partition(f'<tr id="{row["id"]}">')[2].partition("</tr>")[0]
         texts = [row[name] for name in ("claim", "kind", "paper", "test", "command")]

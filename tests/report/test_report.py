@@ -614,6 +614,18 @@ def test_messages_travel_on_the_links_that_the_steps_name(browser, file, run):
         assert sorted(f"{a}->{b}" for a, b, *_ in shown) == sorted(expected["place"])
 
 
+def test_after_a_hand_over_a_car_is_linked_to_its_new_edge(browser, tmp_path):
+    hand_over = {"fault": "hand_over", "target": "car1", "begin": "0.5 s", "edge": "edge2"}
+    run = short_run("street_2car_hetero", 2, 1.0, methods=["genie"], faults=[hand_over])
+    browser.open(run.report(tmp_path / "r.html"))
+    assert browser.errors == []
+    linked = (
+        "unpacked(byId('data').textContent).then((replay) => decode(replay).cars"
+        ".map((car) => [0, 549e3, 550e3].map((t) => edgeAt(car, t))))"
+    )
+    assert browser.evaluate(linked) == [["edge1", "edge1", "edge2"], ["edge2"] * 3]
+
+
 def test_keys_move_the_time_change_the_method_and_play(browser, file):
     browser.open(file)
     browser.evaluate("byId('map').focus()")
@@ -734,6 +746,10 @@ def test_every_kind_of_run_has_its_page(browser, tmp_path, scenario, cars, setti
     assert "undefined" not in browser.evaluate("document.body.innerText")
     alone = len(run.methods) == 1
     assert browser.evaluate("byId('method').parentElement.hidden") == alone
+    legend = browser.evaluate("byId('legend').innerText")
+    shown = run.methods[int(browser.evaluate("byId('method').value"))].name
+    assert shown != "local" or "message to an edge" not in legend
+    assert run.facts["scenario"]["edges"] or "look-up at an edge" not in legend
 
 
 def test_markup_in_names_is_shown_as_text(browser, tmp_path, run):
