@@ -146,5 +146,6 @@ def cells_of(
 
 def level_text(level: object) -> str:
     """A value of an axis, in so many digits that no other value has its text."""
-    text = f"{level:g}" if isinstance(level, float) else str(level)
-    return text if not isinstance(level, float) or float(text) == level else str(level)
+    if isinstance(level, float) and float(short := f"{level:g}") == level:
+        return short
+    return str(level)
